@@ -7,8 +7,13 @@
 #include <utility>
 
 #include "io/input_file.h"
+#include "io/obj.h"
+#include "io/off.h"
+#include "io/pcd.h"
 #include "io/ply.h"
+#include "io/stl.h"
 #include "io/text_cursor.h"
+#include "io/xyz.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
@@ -37,6 +42,9 @@ constexpr Foreign kForeign[] = {
 
 Reader reader_by_content(std::string_view bytes) {
   if (is_ply(bytes)) return read_ply;
+  if (is_pcd(bytes)) return read_pcd;
+  if (is_stl(bytes)) return read_stl;
+  if (is_off(bytes)) return read_off;
   return nullptr;
 }
 
@@ -45,6 +53,12 @@ Reader reader_by_extension(const std::string& path) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (extension == ".ply") return read_ply;
+  if (extension == ".obj") return read_obj;
+  if (extension == ".stl") return read_stl;
+  if (extension == ".off") return read_off;
+  if (extension == ".pcd") return read_pcd;
+  for (const char* text : {".xyz", ".txt", ".csv", ".asc", ".pts", ".xyzn", ".xyzrgb", ".tsv", ".neu"})
+    if (extension == text) return read_xyz;
   return nullptr;
 }
 
@@ -76,6 +90,8 @@ RawScan parse_scan(std::string_view bytes, const std::string& path) {
       throw Error(ExitCode::kInput, name, foreign.advice);
   Reader reader = reader_by_content(bytes);
   if (!reader) reader = reader_by_extension(path);
+  if (!reader && is_obj(bytes)) reader = read_obj;
+  if (!reader && is_xyz(bytes)) reader = read_xyz;
   if (!reader)
     throw Error(ExitCode::kInput, name,
                 "is of no known format (neither its first bytes nor its extension say PLY, OBJ, STL, OFF, "

@@ -41,10 +41,10 @@ struct TextCursor {
   const char* begin;
   const char* at;
   const char* end;
-  const std::string& file;
+  const std::string* file;
 
   TextCursor(std::string_view text, const std::string& file_name)
-      : begin(text.data()), at(begin), end(begin + text.size()), file(file_name) {}
+      : begin(text.data()), at(begin), end(begin + text.size()), file(&file_name) {}
 
   std::size_t remaining() const { return static_cast<std::size_t>(end - at); }
   std::size_t byte() const { return static_cast<std::size_t>(at - begin); }
@@ -57,7 +57,7 @@ struct TextCursor {
     return lines;
   }
   [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ExitCode::kInput, file, "line " + std::to_string(line()) + ": " + what);
+    throw Error(ExitCode::kInput, *file, "line " + std::to_string(line()) + ": " + what);
   }
 
   bool at_end() const { return at >= end; }
