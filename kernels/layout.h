@@ -41,10 +41,11 @@ typedef struct Hit {
 } Hit;
 RBVH_LAYOUT_SIZE(Hit, 32);
 
-// A pinhole camera whose pixel (x, y), row 0 on top, has the unnormalised direction
-//   forward + right * (x + offset_x) + up * (y + offset_y)
-// with right and up already scaled to one pixel and forward reaching the top left corner of the image plane.
-// Rays are normalised, so t is the distance in scan units.
+// A pinhole camera. Pixel (x, y), column 0 at the left and row 0 on top, looks along
+//   normalize(corner + right * (x + offset_x) + up * (y + offset_y)),
+// where corner points from the position to the top left corner of an image plane at distance 1, right is one pixel to
+// the right and up one pixel down. Directions are unit, so t is the distance in scan units. A band of rows is the same
+// camera with offset_y grown by its first row and its own height.
 typedef struct CameraRays {
   float position[3];
   float offset_x;  // where in the pixel, 0.5: its centre
