@@ -1,10 +1,11 @@
-// The OpenCL device behind plain types. This folder alone includes CL headers: everything else launches kernels
-// through Device, Buffer and Kernel. Every CL failure becomes an Error with the call, the code's name, the device and,
-// for a kernel that does not build, the build log.
+// The OpenCL device behind plain types. This folder alone includes CL headers: everything else launches
+// kernels through Device, Buffer and Kernel. Every CL failure becomes an Error with the call, the code's
+// name, the device and, for a kernel that does not build, the build log.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -23,8 +24,17 @@ struct DeviceInfo {
   bool has_int64_atomics = false;
 };
 
-/// Every OpenCL device of this machine; empty when there is none (never an error).
+/// Every OpenCL device of this machine; empty when there is none (never an error). A thread count set before
+/// the first call bounds PoCL's own threads too; it reads that once.
 std::vector<DeviceInfo> list_devices();
+
+/// Called once, with a line for the user, when compiling kernels takes longer than a moment. By
+/// default the line goes to stderr; an empty function silences it.
+void set_compile_notice(std::function<void(std::string_view line)> notice);
+
+/// Gets every build log that is not empty, whole: the errors' line carries only its beginning, and warnings
+/// of a build that succeeds appear nowhere else. Nothing by default.
+void set_build_log_sink(std::function<void(std::string_view file, std::string_view log)> sink);
 
 namespace device_detail {
 struct DeviceState;
@@ -39,11 +49,12 @@ struct Argument {
 template <class T>
 class Buffer;
 
-/// A compiled kernel entry point. Cheap to copy.
+/// A compiled kernel entry point. Cheap to copy. May be run from several threads at once.
 class Kernel {
  public:
-  /// Enqueues `global` work-items (rounded up to a multiple of `local`; kernels check their id against a count
-  /// argument). Arguments are Buffers or trivially copyable scalars and structs, in the kernel's order.
+  /// Enqueues `global` work-items (rounded up to a multiple of `local`; kernels check their id against a
+  /// count argument). Arguments are Buffers or trivially copyable scalars and structs, in the kernel's order;
+  /// a default-constructed Buffer is a null pointer to the kernel. Returns before the kernel is done.
   template <class... Args>
   void run(std::size_t global, std::size_t local, const Args&... args) const {
     const device_detail::Argument list[] = {argument(args)..., {nullptr, 0}};
@@ -66,33 +77,49 @@ class Kernel {
   std::shared_ptr<device_detail::KernelState> state_;
 };
 
-/// One in-order queue on one device. Cheap to copy; copies share the context, the queue and the built programs.
+/// One in-order queue on one device. Cheap to copy; copies share the context, the queue and the built
+/// programs.
 class Device {
  public:
-  /// `choice`: empty (RBVH_DEVICE from the environment, else the first CPU, else the first device), "cpu", "gpu",
-  /// an index of list_devices(), or part of a name (case-insensitive). Throws Error(kDevice) where none fits.
+  /// `choice`: empty (RBVH_DEVICE from the environment, else the first CPU, else the first device), "cpu",
+  /// "gpu", an index of list_devices(), or part of a name (case-insensitive). Throws Error(kDevice) where
+  /// none fits.
   static Device open(const std::string& choice = {});
 
   const DeviceInfo& info() const;
 
-  /// The entry point of kernels/<file>.cl, built once per distinct `options` (further -D words).
+  /// The entry point `entry` of kernels/<file>.cl, built once per distinct `options` (further -D words).
+  /// Files in the folder named by RBVH_KERNELS take the place of the embedded ones.
   Kernel kernel(std::string_view file, std::string_view entry, const std::string& options = {}) const;
 
+  /// Waits until everything enqueued so far is done.
   void finish() const;
+
+  /// Bytes in buffers now, and at most so far.
+  struct MemoryUse {
+    std::uint64_t bytes = 0, peak_bytes = 0;
+  };
+  MemoryUse memory_use() const;
+  /// Buffers beyond this many bytes in all throw Error(kBudget); 0: no limit but the device's own.
+  void set_memory_limit(std::uint64_t bytes) const;
 
  private:
   template <class T>
   friend class Buffer;
   std::shared_ptr<device_detail::BufferState> allocate(std::size_t bytes) const;
-  static void read_bytes(device_detail::BufferState&, std::size_t offset, void* to, std::size_t bytes);
-  static void write_bytes(device_detail::BufferState&, std::size_t offset, const void* from, std::size_t bytes);
-  static void fill_bytes(device_detail::BufferState&, std::size_t bytes, unsigned char value);
-  static void copy_bytes(device_detail::BufferState& to, std::size_t to_offset, device_detail::BufferState& from,
-                         std::size_t from_offset, std::size_t bytes);
+  // A null state has no bytes.
+  static void read_bytes(device_detail::BufferState*, std::size_t offset, void* to, std::size_t bytes);
+  static void write_bytes(device_detail::BufferState*, std::size_t offset, const void* from,
+                          std::size_t bytes);
+  static void fill_bytes(device_detail::BufferState*, std::size_t bytes, unsigned char value);
+  static void copy_bytes(device_detail::BufferState* to, std::size_t to_offset,
+                         device_detail::BufferState* from, std::size_t from_offset, std::size_t bytes);
   std::shared_ptr<device_detail::DeviceState> state_;
 };
 
-/// Device memory for `size()` elements; shared on copy, freed with the last copy. Reads and writes block.
+/// Device memory for `size()` elements; shared on copy, freed with the last copy. Reads and writes block;
+/// fill and copy_from are enqueued. A range beyond the buffer's end is a bug (RBVH_CHECK).
+/// Default-constructed: no memory. Allocation throws Error(kBudget) where the device cannot hold it.
 template <class T>
 class Buffer {
  public:
@@ -105,10 +132,10 @@ class Buffer {
 
   std::size_t size() const { return count_; }
   void write(std::span<const T> values, std::size_t at = 0) {
-    Device::write_bytes(*state_, at * sizeof(T), values.data(), values.size_bytes());
+    Device::write_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes());
   }
   void read(std::span<T> values, std::size_t at = 0) const {
-    Device::read_bytes(*state_, at * sizeof(T), values.data(), values.size_bytes());
+    Device::read_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes());
   }
   std::vector<T> read() const {
     std::vector<T> values(count_);
@@ -116,9 +143,10 @@ class Buffer {
     return values;
   }
   /// Sets every byte.
-  void fill(unsigned char byte) { Device::fill_bytes(*state_, count_ * sizeof(T), byte); }
+  void fill(unsigned char byte) { Device::fill_bytes(state_.get(), count_ * sizeof(T), byte); }
   void copy_from(const Buffer& from, std::size_t count, std::size_t at = 0, std::size_t from_at = 0) {
-    Device::copy_bytes(*state_, at * sizeof(T), *from.state_, from_at * sizeof(T), count * sizeof(T));
+    Device::copy_bytes(state_.get(), at * sizeof(T), from.state_.get(), from_at * sizeof(T),
+                       count * sizeof(T));
   }
 
  private:

@@ -1,0 +1,488 @@
+#include "pipeline/device/device.h"
+
+#define CL_HPP_ENABLE_EXCEPTIONS
+#include <CL/opencl.hpp>
+#include <algorithm>
+#include <atomic>
+#include <cctype>
+#include <charconv>
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+#include "pipeline/device/kernel_source.h"
+
+namespace rbvh {
+namespace device_detail {
+
+struct DeviceState {
+  DeviceInfo info;
+  cl::Device device;
+  cl::Context context;
+  cl::CommandQueue queue;
+  std::mutex mutex;                             ///< guards the two below
+  std::map<std::string, cl::Program> programs;  ///< by file and options
+  std::set<std::string> launched;               ///< program, entry and work-group size already compiled
+  std::atomic<std::uint64_t> memory{0}, memory_peak{0}, memory_limit{0};
+};
+
+struct BufferState {
+  std::shared_ptr<DeviceState> device;
+  cl::Buffer buffer;
+  std::size_t bytes = 0;      ///< asked for
+  std::size_t allocated = 0;  ///< at least 1: OpenCL has no empty buffers
+  ~BufferState() { device->memory -= allocated; }
+};
+
+struct KernelState {
+  std::shared_ptr<DeviceState> device;
+  std::string program, entry;
+  cl::Kernel kernel;
+  std::mutex mutex;  ///< a cl::Kernel holds its arguments: setting them and enqueuing must be one step
+};
+
+}  // namespace device_detail
+
+using device_detail::BufferState;
+using device_detail::DeviceState;
+using device_detail::KernelState;
+
+namespace {
+
+// --- errors
+// ---------------------------------------------------------------------------------------------------------
+
+const char* cl_error_name(cl_int code) {
+  switch (code) {
+#define NAME(x) \
+  case x:       \
+    return #x;
+    NAME(CL_DEVICE_NOT_FOUND)
+    NAME(CL_DEVICE_NOT_AVAILABLE)
+    NAME(CL_COMPILER_NOT_AVAILABLE)
+    NAME(CL_MEM_OBJECT_ALLOCATION_FAILURE)
+    NAME(CL_OUT_OF_RESOURCES)
+    NAME(CL_OUT_OF_HOST_MEMORY)
+    NAME(CL_MEM_COPY_OVERLAP)
+    NAME(CL_BUILD_PROGRAM_FAILURE)
+    NAME(CL_MAP_FAILURE)
+    NAME(CL_EXEC_STATUS_ERROR_FOR_EVENTS_IN_WAIT_LIST)
+    NAME(CL_INVALID_VALUE)
+    NAME(CL_INVALID_DEVICE)
+    NAME(CL_INVALID_CONTEXT)
+    NAME(CL_INVALID_COMMAND_QUEUE)
+    NAME(CL_INVALID_MEM_OBJECT)
+    NAME(CL_INVALID_BUILD_OPTIONS)
+    NAME(CL_INVALID_PROGRAM)
+    NAME(CL_INVALID_PROGRAM_EXECUTABLE)
+    NAME(CL_INVALID_KERNEL_NAME)
+    NAME(CL_INVALID_KERNEL)
+    NAME(CL_INVALID_ARG_INDEX)
+    NAME(CL_INVALID_ARG_VALUE)
+    NAME(CL_INVALID_ARG_SIZE)
+    NAME(CL_INVALID_KERNEL_ARGS)
+    NAME(CL_INVALID_WORK_GROUP_SIZE)
+    NAME(CL_INVALID_WORK_ITEM_SIZE)
+    NAME(CL_INVALID_OPERATION)
+    NAME(CL_INVALID_BUFFER_SIZE)
+    NAME(CL_INVALID_GLOBAL_WORK_SIZE)
+#undef NAME
+    default:
+      return "OpenCL error";
+  }
+}
+
+std::string in_words(std::uint64_t bytes) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f MB", static_cast<double>(bytes) / 1e6);
+  return text;
+}
+
+/// `what`: the kernel or buffer concerned. Memory that is not there is over budget, anything else a device
+/// failure.
+[[noreturn]] void throw_cl(const DeviceInfo& device, const std::string& what, const cl::Error& error) {
+  const cl_int code = error.err();
+  const bool memory = code == CL_MEM_OBJECT_ALLOCATION_FAILURE || code == CL_OUT_OF_HOST_MEMORY ||
+                      code == CL_INVALID_BUFFER_SIZE;
+  throw Error(memory ? ExitCode::kBudget : ExitCode::kDevice, {},
+              what + ": " + error.what() + ": " + cl_error_name(code) + " (" + std::to_string(code) +
+                  ") on " + device.name +
+                  (memory ? "; take a smaller scan, a coarser level or a device with more memory" : ""));
+}
+
+template <class Call>
+decltype(auto) guarded(const DeviceInfo& device, const std::string& what, Call&& call) {
+  try {
+    return call();
+  } catch (const cl::Error& error) {
+    throw_cl(device, what, error);
+  }
+}
+
+/// The log's lines joined into one and cut: an error is one line.
+std::string one_line(std::string_view log) {
+  constexpr std::size_t kMost = 600;
+  std::string line;
+  for (const char c : log) {
+    if (c == '\n' || c == '\r') {
+      if (!line.empty() && line.back() != ' ') line += "; ";
+    } else {
+      line += c;
+    }
+  }
+  while (line.ends_with("; ")) line.resize(line.size() - 2);
+  if (line.size() > kMost) line = line.substr(0, kMost) + " ...";
+  return line;
+}
+
+// --- notices
+// --------------------------------------------------------------------------------------------------------
+
+std::mutex g_hook_mutex;
+std::function<void(std::string_view)> g_compile_notice = [](std::string_view line) {
+  std::fprintf(stderr, "%.*s\n", static_cast<int>(line.size()), line.data());
+};
+std::function<void(std::string_view, std::string_view)> g_build_log_sink;
+bool g_compile_notice_given = false;
+
+void send_build_log(std::string_view file, std::string_view log) {
+  if (log.find_first_not_of(" \t\r\n") == std::string_view::npos) return;
+  const std::lock_guard lock(g_hook_mutex);
+  if (g_build_log_sink) g_build_log_sink(file, log);
+}
+
+/// Tells the user, while it lives, that kernels are being compiled, should that take a moment.
+class CompileNotice {
+ public:
+  explicit CompileNotice(const DeviceInfo& device)
+      : thread_([this, name = device.name](const std::stop_token& stop) {
+          std::unique_lock lock(mutex_);
+          if (condition_.wait_for(lock, stop, kPatience, [&] { return stop.stop_requested(); })) return;
+          const std::lock_guard hook_lock(g_hook_mutex);
+          if (std::exchange(g_compile_notice_given, true) || !g_compile_notice) return;
+          g_compile_notice("compiling kernels for " + name + " (once; they are kept in its cache)...");
+        }) {}
+
+ private:
+  static constexpr std::chrono::milliseconds kPatience{300};
+  std::mutex mutex_;
+  std::condition_variable_any condition_;
+  std::jthread thread_;
+};
+
+// --- devices
+// --------------------------------------------------------------------------------------------------------
+
+struct Found {
+  DeviceInfo info;
+  cl::Device device;
+};
+
+std::string trimmed(const std::string& text) {
+  const std::size_t from = text.find_first_not_of(" \t\n");
+  const std::size_t to = text.find_last_not_of(std::string_view(" \t\n\0", 4));
+  return from == std::string::npos ? std::string() : text.substr(from, to - from + 1);
+}
+
+DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
+  DeviceInfo info;
+  info.platform = trimmed(platform.getInfo<CL_PLATFORM_NAME>());
+  info.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
+  info.version = trimmed(device.getInfo<CL_DEVICE_VERSION>());
+  info.driver = trimmed(device.getInfo<CL_DRIVER_VERSION>());
+  const cl_device_type type = device.getInfo<CL_DEVICE_TYPE>();
+  info.is_cpu = (type & CL_DEVICE_TYPE_CPU) != 0;
+  info.is_gpu = (type & CL_DEVICE_TYPE_GPU) != 0;
+  info.memory_bytes = device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
+  info.max_buffer_bytes = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
+  info.compute_units = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
+  const std::string extensions = device.getInfo<CL_DEVICE_EXTENSIONS>();
+  info.has_int64_atomics = extensions.find("cl_khr_int64_base_atomics") != std::string::npos &&
+                           extensions.find("cl_khr_int64_extended_atomics") != std::string::npos;
+  return info;
+}
+
+std::vector<Found> find_devices() {
+  static std::once_flag pocl_threads;
+  std::call_once(pocl_threads, [] {
+    const std::string threads = std::to_string(thread_count());
+    setenv("POCL_MAX_PTHREAD_COUNT", threads.c_str(), 0);  // up to PoCL 4
+    setenv("POCL_CPU_MAX_CU_COUNT", threads.c_str(), 0);
+  });
+  std::vector<Found> found;
+  std::vector<cl::Platform> platforms;
+  try {
+    cl::Platform::get(&platforms);
+  } catch (const cl::Error&) {
+    return found;  // no ICD: the loader calls that an error
+  }
+  for (const cl::Platform& platform : platforms) {
+    try {
+      std::vector<cl::Device> devices;
+      platform.getDevices(CL_DEVICE_TYPE_ALL, &devices);
+      for (const cl::Device& device : devices) {
+        if (!device.getInfo<CL_DEVICE_AVAILABLE>() || !device.getInfo<CL_DEVICE_COMPILER_AVAILABLE>())
+          continue;
+        found.push_back({describe(platform, device), device});
+        found.back().info.index = static_cast<int>(found.size()) - 1;
+      }
+    } catch (const cl::Error&) {
+      continue;  // a platform without devices
+    }
+  }
+  return found;
+}
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+const Found* choose(const std::vector<Found>& devices, const std::string& choice) {
+  const auto first = [&](auto&& fits) -> const Found* {
+    const auto at = std::find_if(devices.begin(), devices.end(), fits);
+    return at == devices.end() ? nullptr : &*at;
+  };
+  const auto is_cpu = [](const Found& d) { return d.info.is_cpu; };
+  if (choice.empty()) {
+    const Found* cpu = first(is_cpu);
+    return cpu != nullptr || devices.empty() ? cpu : &devices.front();
+  }
+  if (lower(choice) == "cpu") return first(is_cpu);
+  if (lower(choice) == "gpu") return first([](const Found& d) { return d.info.is_gpu; });
+  int index = 0;
+  const char* end = choice.data() + choice.size();
+  if (const auto [at, error] = std::from_chars(choice.data(), end, index);
+      error == std::errc() && at == end) {
+    return first([&](const Found& d) { return d.info.index == index; });
+  }
+  return first([&](const Found& d) { return lower(d.info.name).find(lower(choice)) != std::string::npos; });
+}
+
+// --- programs
+// -------------------------------------------------------------------------------------------------------
+
+cl::Program build_program(DeviceState& state, const std::string& file, const std::string& options) {
+  const std::string source = kernel_source(file);
+  const CompileNotice notice(state.info);
+  cl::Program program =
+      guarded(state.info, "kernels/" + file, [&] { return cl::Program(state.context, source); });
+  const std::string all_options = "-cl-std=CL1.2 " + options;
+  try {
+    program.build(state.device, all_options.c_str());
+  } catch (const cl::BuildError& error) {
+    std::string log;
+    for (const auto& [device, text] : error.getBuildLog()) log += text;
+    send_build_log(file, log);
+    throw Error(ExitCode::kDevice, "kernels/" + file,
+                std::string(error.what()) + ": " + cl_error_name(error.err()) + " on " + state.info.name +
+                    " with " + all_options + ": " + one_line(log));
+  } catch (const cl::Error& error) {
+    throw_cl(state.info, "kernels/" + file, error);
+  }
+  send_build_log(file, program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(state.device));
+  return program;
+}
+
+}  // namespace
+
+std::vector<DeviceInfo> list_devices() {
+  std::vector<DeviceInfo> infos;
+  for (const Found& found : find_devices()) infos.push_back(found.info);
+  return infos;
+}
+
+void set_compile_notice(std::function<void(std::string_view)> notice) {
+  const std::lock_guard lock(g_hook_mutex);
+  g_compile_notice = std::move(notice);
+  g_compile_notice_given = false;
+}
+
+void set_build_log_sink(std::function<void(std::string_view, std::string_view)> sink) {
+  const std::lock_guard lock(g_hook_mutex);
+  g_build_log_sink = std::move(sink);
+}
+
+// --- Device
+// ---------------------------------------------------------------------------------------------------------
+
+Device Device::open(const std::string& choice) {
+  const char* environment = std::getenv("RBVH_DEVICE");
+  const std::string wanted = !choice.empty() || environment == nullptr ? choice : environment;
+  const std::vector<Found> devices = find_devices();
+  const Found* found = choose(devices, wanted);
+  if (found == nullptr) {
+    if (devices.empty()) {
+      throw Error(ExitCode::kDevice, {},
+                  "no usable OpenCL device on this machine; install one, such as Debian's pocl-opencl-icd");
+    }
+    std::string names;
+    for (const Found& d : devices)
+      names += (names.empty() ? "" : ", ") + std::to_string(d.info.index) + " " + d.info.name;
+    throw Error(ExitCode::kDevice, {}, "no usable OpenCL device fits '" + wanted + "'; there are: " + names);
+  }
+  Device device;
+  device.state_ = std::make_shared<DeviceState>();
+  DeviceState& state = *device.state_;
+  state.info = found->info;
+  state.device = found->device;
+  guarded(state.info, "opening the device", [&] {
+    state.context = cl::Context(state.device);
+    state.queue = cl::CommandQueue(state.context, state.device);
+  });
+  return device;
+}
+
+const DeviceInfo& Device::info() const { return state_->info; }
+
+Kernel Device::kernel(std::string_view file, std::string_view entry, const std::string& options) const {
+  const std::string name = std::string(file) + ".cl";
+  Kernel kernel;
+  kernel.state_ = std::make_shared<KernelState>();
+  KernelState& state = *kernel.state_;
+  state.device = state_;
+  state.entry = entry;
+  state.program = name + " " + options;
+  const std::lock_guard lock(state_->mutex);
+  auto at = state_->programs.find(state.program);
+  if (at == state_->programs.end()) {
+    at = state_->programs.emplace(state.program, build_program(*state_, name, options)).first;
+  }
+  guarded(state_->info, "kernels/" + name + ": " + state.entry,
+          [&] { state.kernel = cl::Kernel(at->second, state.entry.c_str()); });
+  return kernel;
+}
+
+void Device::finish() const {
+  guarded(state_->info, "waiting for kernels", [&] { state_->queue.finish(); });
+}
+
+Device::MemoryUse Device::memory_use() const { return {state_->memory, state_->memory_peak}; }
+
+void Device::set_memory_limit(std::uint64_t bytes) const { state_->memory_limit = bytes; }
+
+// --- Kernel
+// ---------------------------------------------------------------------------------------------------------
+
+void Kernel::run_arguments(std::size_t global, std::size_t local,
+                           std::span<const device_detail::Argument> arguments) const {
+  RBVH_CHECK(state_ != nullptr && local > 0);
+  if (global == 0) return;
+  KernelState& state = *state_;
+  DeviceState& device = *state.device;
+  const std::string launch = state.program + " " + state.entry + " " + std::to_string(local);
+  const auto enqueue = [&](cl::Event* event) {
+    const std::lock_guard lock(state.mutex);
+    for (cl_uint i = 0; i < arguments.size(); ++i) {
+      const device_detail::Argument& argument = arguments[i];
+      if (argument.size > 0) {
+        state.kernel.setArg(i, argument.size, argument.data);
+      } else {
+        const auto* buffer = static_cast<const BufferState*>(argument.data);
+        const cl_mem memory = buffer != nullptr ? buffer->buffer() : nullptr;
+        state.kernel.setArg(i, sizeof memory, &memory);
+      }
+    }
+    device.queue.enqueueNDRangeKernel(state.kernel, cl::NullRange,
+                                      cl::NDRange((global + local - 1) / local * local), cl::NDRange(local),
+                                      nullptr, event);
+  };
+  bool first_launch = false;
+  {
+    const std::lock_guard lock(device.mutex);
+    first_launch = device.launched.insert(launch).second;
+  }
+  guarded(device.info, "kernels/" + state.program + ": " + state.entry, [&] {
+    if (!first_launch) {
+      enqueue(nullptr);
+      return;
+    }
+    // PoCL compiles a kernel for a work-group size only when it is first run, between "submitted" and
+    // "running".
+    device.queue.finish();
+    const CompileNotice notice(device.info);
+    cl::Event event;
+    enqueue(&event);
+    device.queue.flush();
+    while (event.getInfo<CL_EVENT_COMMAND_EXECUTION_STATUS>() > CL_RUNNING) {
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+  });
+}
+
+// --- Buffer
+// ---------------------------------------------------------------------------------------------------------
+
+std::shared_ptr<BufferState> Device::allocate(std::size_t bytes) const {
+  DeviceState& device = *state_;
+  const std::size_t allocated = std::max<std::size_t>(1, bytes);
+  const std::string what = "a buffer of " + in_words(bytes);
+  const std::uint64_t limit = device.memory_limit;
+  if (allocated > device.info.max_buffer_bytes) {
+    throw Error(ExitCode::kBudget, {},
+                what + " is more than " + device.info.name + " can hold in one piece (" +
+                    in_words(device.info.max_buffer_bytes) + "); take a smaller scan or another device");
+  }
+  if (limit > 0 && device.memory + allocated > limit) {
+    throw Error(ExitCode::kBudget, {},
+                what + " beside " + in_words(device.memory) + " in use is over the memory budget of " +
+                    in_words(limit) + "; raise it or take a smaller scan");
+  }
+  cl::Buffer buffer =
+      guarded(device.info, what, [&] { return cl::Buffer(device.context, CL_MEM_READ_WRITE, allocated); });
+  auto state = std::make_shared<BufferState>();
+  state->device = state_;
+  state->buffer = std::move(buffer);
+  state->bytes = bytes;
+  state->allocated = allocated;
+  const std::uint64_t now = device.memory += allocated;
+  for (std::uint64_t peak = device.memory_peak;
+       peak < now && !device.memory_peak.compare_exchange_weak(peak, now);) {
+  }
+  return state;
+}
+
+namespace {
+/// False where there is nothing to do.
+bool check_range(const BufferState* state, std::size_t offset, std::size_t bytes) {
+  if (bytes == 0) return false;
+  RBVH_CHECK(state != nullptr && offset <= state->bytes && bytes <= state->bytes - offset);
+  return true;
+}
+}  // namespace
+
+void Device::read_bytes(BufferState* state, std::size_t offset, void* to, std::size_t bytes) {
+  if (!check_range(state, offset, bytes)) return;
+  guarded(state->device->info, "reading a buffer of " + in_words(state->bytes),
+          [&] { state->device->queue.enqueueReadBuffer(state->buffer, CL_TRUE, offset, bytes, to); });
+}
+
+void Device::write_bytes(BufferState* state, std::size_t offset, const void* from, std::size_t bytes) {
+  if (!check_range(state, offset, bytes)) return;
+  guarded(state->device->info, "writing a buffer of " + in_words(state->bytes),
+          [&] { state->device->queue.enqueueWriteBuffer(state->buffer, CL_TRUE, offset, bytes, from); });
+}
+
+void Device::fill_bytes(BufferState* state, std::size_t bytes, unsigned char value) {
+  if (!check_range(state, 0, bytes)) return;
+  guarded(state->device->info, "filling a buffer of " + in_words(state->bytes),
+          [&] { state->device->queue.enqueueFillBuffer(state->buffer, value, 0, bytes); });
+}
+
+void Device::copy_bytes(BufferState* to, std::size_t to_offset, BufferState* from, std::size_t from_offset,
+                        std::size_t bytes) {
+  if (!check_range(to, to_offset, bytes) || !check_range(from, from_offset, bytes)) return;
+  guarded(to->device->info, "copying a buffer of " + in_words(bytes), [&] {
+    to->device->queue.enqueueCopyBuffer(from->buffer, to->buffer, from_offset, to_offset, bytes);
+  });
+}
+
+}  // namespace rbvh

@@ -1,0 +1,13 @@
+// Every struct of kernels/layout.h and every field of it; included by host and device with their own SIZE and FIELD.
+SIZE(Ray)
+FIELD(Ray, origin) FIELD(Ray, tmin) FIELD(Ray, direction) FIELD(Ray, tmax)
+SIZE(Hit)
+FIELD(Hit, t) FIELD(Hit, normal) FIELD(Hit, u) FIELD(Hit, v) FIELD(Hit, leaf) FIELD(Hit, flags)
+SIZE(CameraRays)
+FIELD(CameraRays, position) FIELD(CameraRays, offset_x) FIELD(CameraRays, corner) FIELD(CameraRays, offset_y)
+FIELD(CameraRays, right) FIELD(CameraRays, width) FIELD(CameraRays, up) FIELD(CameraRays, height)
+SIZE(RbvhNode)
+FIELD(RbvhNode, lo) FIELD(RbvhNode, first) FIELD(RbvhNode, hi) FIELD(RbvhNode, count)
+SIZE(RbvhLeaf)
+FIELD(RbvhLeaf, to_tile) FIELD(RbvhLeaf, x) FIELD(RbvhLeaf, y) FIELD(RbvhLeaf, width) FIELD(RbvhLeaf, height)
+FIELD(RbvhLeaf, primitives) FIELD(RbvhLeaf, object_id)

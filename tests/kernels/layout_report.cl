@@ -1,0 +1,11 @@
+// Reports the device's own idea of kernels/layout.h: size and field offsets of every struct, in the order that
+// layout_test.cpp lists them.
+#include "layout.h"
+
+#define SIZE(type) out[n++] = (uint)sizeof(type);
+#define FIELD(type, field) out[n++] = (uint)(size_t)(&((__private type*)0)->field);
+
+__kernel void layout_report(__global uint* out) {
+  uint n = 0;
+#include "layout_fields.h"
+}

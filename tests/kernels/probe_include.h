@@ -1,0 +1,1 @@
+#define PROBE_INCLUDED 1000u
