@@ -101,6 +101,7 @@ void drop_unfinished(const std::string& path) {
 std::string shown(const std::string& path) { return path == "-" ? "standard output" : path; }
 
 [[noreturn]] void fail(const std::string& path, const std::string& what, int error) {
+  while (g_exiting) pause();  // the handler took the file away on another thread: it exits, with its own code
   throw Error(ExitCode::kFailure, shown(path), what + ": " + std::strerror(error));
 }
 
@@ -149,9 +150,8 @@ bool names_descriptor(const std::string& path) {
 // ".<stem>.tmp.<pid>[.<attempt>]<extension>" in `folder`, the stem cut so that the name stays legal.
 std::string temporary_name(const std::string& folder, const std::string& path, int attempt) {
   const std::filesystem::path name = std::filesystem::path(path).filename();
-  const std::string extension = name.extension().string();
   std::string end = ".tmp." + std::to_string(getpid());
-  if (attempt > 0) end += "." + std::to_string(attempt);
+  if (attempt > 0) end.append(".").append(std::to_string(attempt));
   end += name.extension().string();
   std::string full = ".";
   full += name.stem().string();

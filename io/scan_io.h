@@ -1,25 +1,30 @@
-// Reading and writing scans: one file pair per format (ply, obj, stl, off, pcd, xyz), chosen by content, then by
-// extension.
+// Reading and writing scans: one file pair per format (ply, obj, stl, off, pcd, xyz), chosen by content, then
+// by extension.
 #pragma once
 
 #include <string>
-#include <vector>
+#include <string_view>
 
 #include "pipeline/scan/scan.h"
 
 namespace rbvh {
 
-/// Reads any ingest format ("-": standard input), dropping nothing: polygons become triangles by fans, edges may be
-/// non-manifold, values may be NaN. Hostile input is expected. Throws Error(kInput) with the byte, line or element
-/// for a file that is missing, cut, malformed, has indices out of range, or has no vertex at all.
+/// Reads any ingest format ("-": standard input), dropping nothing: polygons become triangles by fans, edges
+/// may be non-manifold, values may be NaN. Hostile input is expected. Throws Error(kInput) with the byte,
+/// line or element for a file that is missing, cut, malformed, has indices out of range, or has no vertex at
+/// all.
 RawScan read_scan(const std::string& path);
 
-/// Appends `scan` to `all`; the triangles (points of a cloud) get the object ids after those of `all`. Different shifts
-/// are made one. Throws Error(kInput) when a mesh meets a cloud.
+/// The same from bytes in memory; `path` gives the extension and the name in messages.
+RawScan parse_scan(std::string_view bytes, const std::string& path);
+
+/// Appends `scan` to `all`; the triangles (points of a cloud) get the object ids after those of `all`.
+/// Different shifts are made one; where only one of them has normals, colours or a property, the other gets
+/// zeros, white or NaN. The whole has no viewpoint. Throws Error(kInput) when a mesh meets a cloud.
 void merge_scan(RawScan& all, RawScan&& scan);
 
-/// Binary little-endian PLY as docs/file_format.md lays down ("-": standard output), written whole or not at all.
-/// Throws Error(kFailure).
+/// Binary little-endian PLY as docs/file_format.md lays down ("-": standard output), written whole or not at
+/// all. Throws Error(kFailure).
 void write_ply(const std::string& path, const Scan& scan, bool overwrite);
 
 }  // namespace rbvh

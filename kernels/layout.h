@@ -41,10 +41,11 @@ typedef struct Hit {
 } Hit;
 RBVH_LAYOUT_SIZE(Hit, 32);
 
-// A pinhole camera whose pixel (x, y), row 0 on top, has the unnormalised direction
-//   forward + right * (x + offset_x) + up * (y + offset_y)
-// with right and up already scaled to one pixel and forward reaching the top left corner of the image plane.
-// Rays are normalised, so t is the distance in scan units.
+// A pinhole camera. Pixel (x, y), column 0 at the left and row 0 on top, looks along
+//   normalize(corner + right * (x + offset_x) + up * (y + offset_y)),
+// where corner points from the position to the top left corner of an image plane at distance 1, right is one pixel to
+// the right and up one pixel down. Directions are unit, so t is the distance in scan units. A band of rows is the same
+// camera with offset_y grown by its first row and its own height.
 typedef struct CameraRays {
   float position[3];
   float offset_x;  // where in the pixel, 0.5: its centre
@@ -79,6 +80,71 @@ typedef struct RbvhLeaf {
   rbvh_u32 object_id;
 } RbvhLeaf;
 RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
+
+// --- building -------------------------------------------------------------------------------------------------------
+// A run of primitive references of one node or tile: what one work-item handles.
+typedef struct Run {
+  rbvh_u32 owner;  // node or tile
+  rbvh_u32 begin, end;
+} Run;
+RBVH_LAYOUT_SIZE(Run, 12);
+
+// Where a node is cut in two: primitives whose box centre lies below the plane go left. Axis 3: references below
+// `middle` do, whatever their place.
+typedef struct SplitPlane {
+  rbvh_i32 axis;
+  float position;
+  rbvh_u32 middle;
+} SplitPlane;
+RBVH_LAYOUT_SIZE(SplitPlane, 12);
+
+// Sums over some primitives; `count` of them.
+typedef struct PrimitiveSums {
+  float lo[3];
+  rbvh_u32 count;
+  float hi[3];
+  float area;
+  float area_normal[3];  // sum of area times unit normal; its length is the projected area
+  float unused;
+} PrimitiveSums;
+RBVH_LAYOUT_SIZE(PrimitiveSums, 48);
+
+#define RBVH_FRAME_ANGLES 16
+
+// A tile's plane while its rectangle is sought: `u` is turned about `w` by RBVH_FRAME_ANGLES angles in [0, 90) degrees.
+typedef struct TileAxes {
+  float origin[4];
+  float u[4], v[4], w[4];
+} TileAxes;
+RBVH_LAYOUT_SIZE(TileAxes, 64);
+
+// Extents of some primitives in a TileAxes, at each angle and along w.
+typedef struct TileExtents {
+  float u_lo[RBVH_FRAME_ANGLES], u_hi[RBVH_FRAME_ANGLES];
+  float v_lo[RBVH_FRAME_ANGLES], v_hi[RBVH_FRAME_ANGLES];
+  float w_lo, w_hi;
+  float unused[14];
+} TileExtents;
+RBVH_LAYOUT_SIZE(TileExtents, 320);
+
+// A tile being rasterised. Tile space: u, v in texels from the first texel centre; w in fine quanta, 0..RBVH_FINE_MAX.
+#define RBVH_FINE_MAX 16777215.0f
+typedef struct RasterTile {
+  float to_tile[12];
+  rbvh_u32 offset;         // of its first texel in the raster buffers
+  rbvh_u32 width, height;  // texels
+  float texel_w;           // a texel's side in fine quanta: heights and widths in one unit
+} RasterTile;
+RBVH_LAYOUT_SIZE(RasterTile, 64);
+
+// What is known of a tile once all its primitives are in.
+typedef struct TileSummary {
+  rbvh_u32 lo, hi;    // fine quanta, over covered texels
+  rbvh_u32 used;      // covered texels
+  rbvh_u32 layered;   // texels that two layers share
+  rbvh_u32 steps;     // pairs of neighbouring texels too far apart in height to be one surface
+} TileSummary;
+RBVH_LAYOUT_SIZE(TileSummary, 20);
 
 #ifndef __OPENCL_VERSION__
 }  // namespace rbvh

@@ -40,7 +40,7 @@ struct BuildTimings {
 };
 
 /// The scan must have finite positions only; a cloud needs normals and radii. Deterministic for one device.
-Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& config, const Progress& progress = {},
-                BuildTimings* timings = nullptr);
+Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& config,
+                const Progress& progress = {}, BuildTimings* timings = nullptr);
 
 }  // namespace rbvh

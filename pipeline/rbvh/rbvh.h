@@ -29,15 +29,15 @@ struct LevelFidelity {
 };
 
 struct Level {
-  std::string name;        ///< "Q0" .. "Q4"
-  float rho = 0;           ///< texels for the whole surface, normalised to area 1
-  float alpha = 0;         ///< least projected area over area
-  float phi_degrees = 0;   ///< widest half-angle of the cone of normals
-  Bounds3f bounds;         ///< of all tiles
+  std::string name;       ///< "Q0" .. "Q4"
+  float rho = 0;          ///< texels for the whole surface, normalised to area 1
+  float alpha = 0;        ///< least projected area over area
+  float phi_degrees = 0;  ///< widest half-angle of the cone of normals
+  Bounds3f bounds;        ///< of all tiles
   std::vector<RbvhNode> nodes;
   std::vector<RbvhLeaf> leaves;
   std::uint32_t atlas_width = 0, atlas_height = 0;
-  std::vector<Layer> layers;  ///< height first
+  std::vector<Layer> layers;      ///< height first
   std::uint64_t texels_used = 0;  ///< texels with a surface
   LevelFidelity fidelity{};
 };

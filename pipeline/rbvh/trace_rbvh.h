@@ -1,5 +1,5 @@
-// Ray casting one level of an RBVH on the device (section 5 of the paper): wide top tree, tile march, refined hit.
-// Packets of coherent rays by explicit vectors on a CPU, one ray a work-item otherwise.
+// Ray casting one level of an RBVH on the device (section 5 of the paper): wide top tree, tile march, refined
+// hit. Packets of coherent rays by explicit vectors on a CPU, one ray a work-item otherwise.
 #pragma once
 
 #include "kernels/layout.h"
@@ -20,7 +20,8 @@ struct RbvhTracer {
 
 RbvhTracer make_rbvh_tracer(const Device& device, const Level& level);
 
-/// Nearest (or any) hits of `count` rays, in their order. `steps`, where given, gets nodes + texel steps per ray.
+/// Nearest (or any) hits of `count` rays, in their order. `steps`, where given, gets nodes + texel steps per
+/// ray.
 void trace_rays(const RbvhTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
                 RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
 

@@ -25,8 +25,9 @@ struct ScanAttributes {
   std::vector<float> radii;  ///< disc radius in scan units; clouds only
   std::vector<Color8> colors;
   std::vector<ScalarProperty> properties;
-  std::vector<Triangle> triangles;      ///< empty: a cloud
-  std::vector<std::int32_t> object_ids;  ///< one per triangle (mesh) or per point (cloud), or empty: one object
+  std::vector<Triangle> triangles;  ///< empty: a cloud
+  std::vector<std::int32_t>
+      object_ids;  ///< one per triangle (mesh) or per point (cloud), or empty: one object
 };
 
 /// A scan as a file has it, before its coordinates are made small enough for float.
@@ -34,7 +35,9 @@ struct RawScan : ScanAttributes {
   std::vector<Vec3d> positions;
   Vec3d shift{};  ///< already subtracted from the positions by an earlier ingest
   bool has_viewpoint = false;
-  Vec3d viewpoint{};  ///< where the sensor stood, in the positions' coordinates
+  Vec3d viewpoint{};                  ///< where the sensor stood, in the positions' coordinates
+  bool viewpoint_is_default = false;  ///< the file has what writers put in who know of none: the origin
+  std::vector<std::string> notes;     ///< what the file has that a scan cannot hold, a sentence each
 };
 
 /// A scan in float: original coordinates are positions + shift.
@@ -50,8 +53,8 @@ struct Scan : ScanAttributes {
 /// Bounds of the finite positions; a cloud's discs are not counted in.
 Bounds3f bounds(const Scan& scan);
 
-/// Narrows the positions to float, after subtracting a shift when max|coordinate| > 16 x diagonal of the finite
-/// positions. The shift is the bounds' centre rounded to whole units, so that it prints exactly.
+/// Narrows the positions to float, after subtracting a shift when max|coordinate| > 16 x diagonal of the
+/// finite positions. The shift is the bounds' centre rounded to whole units, so that it prints exactly.
 Scan shift_to_float(RawScan&& raw);
 
 }  // namespace rbvh

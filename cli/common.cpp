@@ -1,0 +1,192 @@
+#include "cli/common.h"
+
+#include <spdlog/sinks/basic_file_sink.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "io/output_file.h"
+#include "pipeline/base/parallel_for.h"
+#include "pipeline/device/device.h"
+
+namespace rbvh {
+namespace {
+
+bool g_log_failed = false;
+
+ProgressMode parse_progress_mode(std::string_view text) {
+  if (text == "auto") return ProgressMode::kAuto;
+  if (text == "bar") return ProgressMode::kBar;
+  if (text == "plain") return ProgressMode::kPlain;
+  if (text == "json") return ProgressMode::kJson;
+  if (text == "none") return ProgressMode::kNone;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of auto, bar, plain, json, none");
+}
+
+std::string parse_output(std::string_view text) {
+  if (text.empty()) throw Error(ExitCode::kUsage, "", "the name is empty");
+  return std::string(text);
+}
+
+void open_log(const Context& context) {
+  try {
+    const auto logger = spdlog::basic_logger_mt("file", context.log_path);
+    logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l " + context.stage + ": %v");
+    logger->set_level(spdlog::level::debug);
+    logger->flush_on(spdlog::level::debug);
+    logger->set_error_handler([](const std::string&) { g_log_failed = true; });
+  } catch (const spdlog::spdlog_ex&) {
+    throw Error(ExitCode::kFailure, context.log_path, "the log cannot be written; choose another name");
+  }
+}
+
+void to_log(spdlog::level::level_enum level, const std::string& line) {
+  if (const auto logger = spdlog::get("file")) logger->log(level, line);
+}
+
+bool use_color(const Context& context) {
+  const char* no_color = std::getenv("NO_COLOR");
+  return !context.no_color && !(no_color && *no_color) && isatty(STDERR_FILENO);
+}
+
+void begin_stage(Context& context) {
+  context.start = std::chrono::steady_clock::now();
+  if (!context.log_path.empty()) open_log(context);
+  if (!context.report_path.empty()) check_output(context.report_path, context.force);
+  if (context.threads > 0) {
+    set_thread_count(context.threads);
+    // PoCL reads this when its devices are first asked for.
+    setenv("POCL_MAX_PTHREAD_COUNT", std::to_string(context.threads).c_str(), 1);
+  }
+  context.progress.start(context.quiet ? ProgressMode::kNone : context.progress_mode, context.stage,
+                         use_color(context));
+  context.report = {{"stage", context.stage}, {"version", RBVH_VERSION}};
+}
+
+void end_stage(Context& context) {
+  context.progress.finish();
+  if (g_log_failed)
+    throw Error(ExitCode::kFailure, context.log_path, "the log could not be written to its end");
+  if (context.report_path.empty()) return;
+  const std::chrono::duration<double> total = std::chrono::steady_clock::now() - context.start;
+  context.report["timings"]["total"] = total.count();
+  OutputFile file(context.report_path, context.force);
+  file.write(context.report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  file.commit();
+}
+
+}  // namespace
+
+CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
+                    std::function<void()> work) {
+  CLI::App* stage = app.add_subcommand(text.name, text.summary);
+  stage->footer("Example: " + text.example);
+  const auto group = [](CLI::Option* option) { option->group("Common options"); };
+  if (common_options & kWithOutput) {
+    group(
+        add_parsed(*stage, "-o,--output", context.output, parse_output, "FILE", "what to write")->required());
+  }
+  if (common_options & (kWithOutput | kWithReport))
+    group(stage->add_flag("-f,--force", context.force, "overwrite what is there"));
+  if (common_options & kWithDevice)
+    group(stage
+              ->add_option("--device", context.device,
+                           "OpenCL device: cpu, gpu, an index or part of a name of `rbvh devices` (default: "
+                           "RBVH_DEVICE, else the first CPU)")
+              ->type_name("NAME"));
+  if (common_options & kWithReport)
+    group(add_parsed(*stage, "--report", context.report_path, parse_output, "FILE",
+                     "write timings, counts, bytes, device and version as JSON"));
+  group(stage->add_flag("-q,--quiet", context.quiet, "say nothing but errors"));
+  group(stage->add_flag("-v,--verbose", context.verbose, "say more"));
+  group(
+      add_parsed(*stage, "--log", context.log_path, parse_output, "FILE", "append all messages, with times"));
+  group(add_parsed(*stage, "--threads", context.threads, parse_positive, "N", "host threads (default: all)"));
+  group(add_parsed(*stage, "--memory", context.memory_budget, parse_bytes, "SIZE",
+                   "give up (exit 5) rather than need more, e.g. 2G (default: no limit)"));
+  group(stage->add_flag("--no-color", context.no_color, "no colours on a terminal (as NO_COLOR)"));
+  group(add_parsed(*stage, "--progress", context.progress_mode, parse_progress_mode, "HOW",
+                   "auto, bar, plain, json or none"));
+  stage->callback([&context, work = std::move(work), name = text.name] {
+    context.stage = name;
+    begin_stage(context);
+    work();
+    end_stage(context);
+  });
+  return stage;
+}
+
+void print_data(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
+
+void note(Context& context, const std::string& line) {
+  if (!context.quiet) context.progress.print_line(line);
+  to_log(spdlog::level::info, line);
+}
+
+void detail(Context& context, const std::string& line) {
+  if (context.verbose && !context.quiet) context.progress.print_line(line);
+  to_log(spdlog::level::debug, line);
+}
+
+void warn(Context& context, const std::string& line) {
+  if (!context.quiet) {
+    const bool color = use_color(context);
+    context.progress.print_line("rbvh " + context.stage + ": " +
+                                (color ? "\033[33mwarning:\033[0m " : "warning: ") + line);
+  }
+  to_log(spdlog::level::warn, line);
+}
+
+void print_error(Context& context, const std::string& line) {
+  context.progress.finish();
+  const std::string who = context.stage.empty() ? "rbvh:" : "rbvh " + context.stage + ":";
+  context.progress.print_line((use_color(context) ? "\033[31m" + who + "\033[0m " : who + " ") + line);
+  to_log(spdlog::level::err, line);
+}
+
+void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
+                  const std::string& what) {
+  if (context.memory_budget == 0 || bytes <= context.memory_budget) return;
+  throw Error(ExitCode::kBudget, file,
+              what + " needs about " + format_bytes(bytes) + ", over the budget of " +
+                  format_bytes(context.memory_budget) + "; raise --memory or ask for less");
+}
+
+std::string format_bytes(std::uint64_t bytes) {
+  static const char* const kUnits[] = {"B", "kB", "MB", "GB", "TB"};
+  double value = static_cast<double>(bytes);
+  int unit = 0;
+  while (value >= 999.5 && unit < 4) {
+    value /= 1000;
+    ++unit;
+  }
+  char text[32];
+  std::snprintf(text, sizeof text, unit == 0 ? "%.0f %s" : "%.3g %s", value, kUnits[unit]);
+  return text;
+}
+
+nlohmann::ordered_json device_json(const DeviceInfo& info) {
+  return {{"index", info.index},
+          {"name", info.name},
+          {"platform", info.platform},
+          {"version", info.version},
+          {"driver", info.driver},
+          {"type", info.is_gpu   ? "gpu"
+                   : info.is_cpu ? "cpu"
+                                 : "other"},
+          {"memory_bytes", info.memory_bytes},
+          {"max_buffer_bytes", info.max_buffer_bytes},
+          {"compute_units", info.compute_units},
+          {"int64_atomics", info.has_int64_atomics}};
+}
+
+double Stopwatch::lap() {
+  const auto now = std::chrono::steady_clock::now();
+  const std::chrono::duration<double> passed = now - last_;
+  last_ = now;
+  return passed.count();
+}
+
+}  // namespace rbvh

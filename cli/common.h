@@ -1,0 +1,124 @@
+// What all stages of the command line share: their common options, their messages, their reports.
+//
+// A stage is a file cli/<stage>.cpp with one function add_<stage>, which declares the stage's own options and
+// hands add_stage() the work:
+//
+//   void add_info(CLI::App& app, Context& context) {
+//     auto options = std::make_shared<InfoOptions>();
+//     CLI::App* stage = add_stage(app, context, {"info", "Say what a file holds", "rbvh info dragon.rbvh"},
+//     0,
+//                                 [&context, options] { run_info(context, *options); });
+//     stage->add_option("FILE", options->file, "an .rbvh or a scan")->required();
+//     add_parsed(*stage, "--ratio", options->ratio, parse_number, "R", "what it does, its unit and its
+//     default");
+//   }
+//
+// The work throws rbvh::Error; main prints it as the one line "rbvh <stage>: ...". Data goes to stdout by
+// print_data(), everything else to stderr by note(), detail() and warn().
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "cli/parse.h"
+#include "cli/progress.h"
+#include "pipeline/base/error.h"
+
+namespace rbvh {
+
+struct DeviceInfo;
+
+/// The common options' values, and what the running stage writes to.
+struct Context {
+  std::string stage;  ///< its name; empty before one is chosen
+  std::string output;
+  bool force = false;
+  bool quiet = false;
+  bool verbose = false;
+  std::string log_path;
+  std::string device;               ///< as Device::open() takes it
+  int threads = 0;                  ///< 0: all
+  std::uint64_t memory_budget = 0;  ///< bytes; 0: none
+  bool no_color = false;
+  ProgressMode progress_mode = ProgressMode::kAuto;
+  std::string report_path;
+
+  ProgressReporter progress;
+  nlohmann::ordered_json report;  ///< for --report: a stage adds counts, timings, bytes
+  std::chrono::steady_clock::time_point start;
+};
+
+struct StageText {
+  std::string name;
+  std::string summary;  ///< one line
+  std::string example;  ///< one command
+};
+
+/// Common options beside the ones every stage has (-q -v --log --threads --memory --no-color --progress).
+enum CommonOption : unsigned {
+  kWithOutput = 1,  ///< -o/--output (required) and -f/--force
+  kWithDevice = 2,  ///< --device
+  kWithReport = 4,  ///< --report
+};
+
+/// Declares a stage. `work` runs after all options have been read, with threads, log and progress set up.
+CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
+                    std::function<void()> work);
+
+/// An option with one value, read by one of cli/parse.h's functions (or its like). The target may be
+/// std::optional.
+template <class Target, class Value>
+CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target,
+                        Value (*parse)(std::string_view), const std::string& value_name,
+                        const std::string& help) {
+  return stage
+      .add_option_function<std::string>(
+          name,
+          [name, &target, parse](const std::string& text) {
+            try {
+              target = parse(text);
+            } catch (const Error& error) {
+              throw Error(ExitCode::kUsage, "", name.substr(name.rfind(',') + 1) + ": " + error.what());
+            }
+          },
+          help)
+      ->type_name(value_name);
+}
+
+/// To stdout.
+void print_data(std::string_view text);
+/// One line to stderr (and the log), unless --quiet.
+void note(Context& context, const std::string& line);
+/// One line to stderr with --verbose; always to the log.
+void detail(Context& context, const std::string& line);
+/// One line "rbvh <stage>: warning: ..." to stderr, unless --quiet.
+void warn(Context& context, const std::string& line);
+/// The one line of an error, to stderr and the log.
+void print_error(Context& context, const std::string& line);
+
+/// Throws Error(kBudget) when `bytes` for `what` is more than --memory.
+void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
+                  const std::string& what);
+
+/// "12.3 MB".
+std::string format_bytes(std::uint64_t bytes);
+
+/// A device as reports and `devices --json` have it.
+nlohmann::ordered_json device_json(const DeviceInfo& info);
+
+/// Seconds since it was made or since the last lap().
+class Stopwatch {
+ public:
+  double lap();
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace rbvh

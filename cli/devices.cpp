@@ -1,0 +1,42 @@
+// rbvh devices: the OpenCL devices of this machine.
+#include "pipeline/device/device.h"
+
+#include <memory>
+
+#include "cli/common.h"
+#include "cli/stages.h"
+
+namespace rbvh {
+namespace {
+
+void run_devices(bool as_json) {
+  const std::vector<DeviceInfo> devices = list_devices();
+  if (as_json) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const DeviceInfo& info : devices) list.push_back(device_json(info));
+    print_data(list.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  } else {
+    for (const DeviceInfo& info : devices)
+      print_data(std::to_string(info.index) + "  " +
+                 (info.is_gpu   ? "gpu"
+                  : info.is_cpu ? "cpu"
+                                : "other") +
+                 "  " + info.name + "  (" + info.platform + ", " + std::to_string(info.compute_units) +
+                 " units, " + format_bytes(info.memory_bytes) + ")\n");
+  }
+  if (devices.empty())
+    throw Error(ExitCode::kDevice, "",
+                "no OpenCL device; install one, e.g. the Debian package pocl-opencl-icd");
+}
+
+}  // namespace
+
+void add_devices(CLI::App& app, Context& context) {
+  const auto as_json = std::make_shared<bool>(false);
+  CLI::App* stage =
+      add_stage(app, context, {"devices", "List the OpenCL devices of this machine", "rbvh devices --json"},
+                0, [as_json] { run_devices(*as_json); });
+  stage->add_flag("--json", *as_json, "as JSON");
+}
+
+}  // namespace rbvh

@@ -1,0 +1,121 @@
+// The command line's entry: reads the words, runs one stage, and turns every failure into one line and an
+// exit code.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <new>
+
+#include "cli/common.h"
+#include "cli/stages.h"
+#include "io/output_file.h"
+
+namespace rbvh {
+namespace {
+
+// A closed standard stream would lend its number to the next file opened, and our messages would land in it.
+// One that is closed becomes one that cannot be written to, so that lost data is still noticed.
+void occupy_standard_streams() {
+  for (const auto& [fd, stand_in] : {std::pair{0, "/dev/null"}, {1, "/dev/full"}, {2, "/dev/null"}}) {
+    if (fcntl(fd, F_GETFD) != -1) continue;
+    // Read-only where /dev/full is missing: writing fails all the same.
+    if (open(stand_in, fd == 0 ? O_WRONLY : O_RDWR) < 0) open("/dev/null", O_RDONLY);
+  }
+}
+
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r') c = ' ';
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+std::string stage_names(const CLI::App& app) {
+  std::string names;
+  for (const CLI::App* stage : app.get_subcommands({}))
+    names += (names.empty() ? "" : ", ") + stage->get_name();
+  return names;
+}
+
+// Checks the first word here: what CLI11 says about it does not help.
+void check_stage_word(const CLI::App& app, const char* word) {
+  if (!word)
+    throw Error(ExitCode::kUsage, "", "which stage? One of " + stage_names(app) + "; see rbvh --help");
+  if (std::strcmp(word, "-h") == 0 || std::strcmp(word, "--help") == 0 || std::strcmp(word, "--version") == 0)
+    return;
+  if (word[0] == '-')
+    throw Error(ExitCode::kUsage, "",
+                "'" + std::string(word) + "': options follow the stage's name; see rbvh --help");
+  if (app.get_subcommands([word](const CLI::App* stage) { return stage->get_name() == word; }).empty())
+    throw Error(
+        ExitCode::kUsage, "",
+        "'" + std::string(word) + "' is no stage; there are " + stage_names(app) + "; see rbvh --help");
+}
+
+void flush_stdout() {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout))
+    throw Error(ExitCode::kFailure, "",
+                std::string("standard output cannot be written: ") + std::strerror(errno));
+}
+
+void run(CLI::App& app, Context& context, int argc, char** argv) {
+  if (add_ingest) add_ingest(app, context);
+  if (add_build) add_build(app, context);
+  if (add_render) add_render(app, context);
+  if (add_trace) add_trace(app, context);
+  if (add_info) add_info(app, context);
+  if (add_validate) add_validate(app, context);
+  if (add_devices) add_devices(app, context);
+  check_stage_word(app, argc > 1 ? argv[1] : nullptr);
+  if (argv[1][0] != '-') context.stage = argv[1];
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    print_data(app.help());
+  } catch (const CLI::CallForVersion&) {
+    print_data(std::string("rbvh ") + RBVH_VERSION + "\n");
+  } catch (const CLI::ParseError& error) {
+    throw Error(ExitCode::kUsage, "",
+                one_line(error.what()) + "; see rbvh " + (context.stage.empty() ? "" : context.stage + " ") +
+                    "--help");
+  }
+  flush_stdout();
+}
+
+}  // namespace
+}  // namespace rbvh
+
+int main(int argc, char** argv) {
+  using rbvh::ExitCode;
+  rbvh::occupy_standard_streams();
+  rbvh::install_interrupt_cleanup();
+  rbvh::Context context;
+  CLI::App app("Scans to rasterized bounding volume hierarchies: ingest, build, render.", "rbvh");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", std::string(RBVH_VERSION));
+  app.footer("Options follow the stage's name. Example: rbvh build scan.ply -o scan.rbvh");
+  ExitCode code = ExitCode::kOk;
+  std::string what;
+  try {
+    rbvh::run(app, context, argc, argv);
+  } catch (const rbvh::Error& error) {
+    code = error.code();
+    what = error.what();
+  } catch (const std::bad_alloc&) {
+    code = ExitCode::kBudget;
+    what = "out of memory; free some, or ask for less";
+  } catch (const std::exception& error) {
+    code = ExitCode::kFailure;
+    what = error.what();
+  } catch (...) {
+    code = ExitCode::kFailure;
+    what = "unknown failure";
+  }
+  if (code != ExitCode::kOk) {
+    std::fflush(stdout);
+    rbvh::print_error(context, rbvh::one_line(what));
+  }
+  return static_cast<int>(code);
+}

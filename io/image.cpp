@@ -1,0 +1,99 @@
+#include "io/image.h"
+
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
+#include "io/output_file.h"
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+
+namespace rbvh {
+namespace {
+
+constexpr float kJpegBackground = 0.82f;  // linear: a light grey
+constexpr int kJpegQuality = 92;
+
+std::uint8_t to_byte(float shown) {
+  return static_cast<std::uint8_t>(std::clamp(shown, 0.f, 1.f) * 255 + 0.5f);
+}
+
+// What 8-bit formats get. Alpha is premultiplied in the picture; PNG wants it straight, JPEG has none.
+std::vector<std::uint8_t> to_bytes(const Image& image, std::size_t channels) {
+  const std::size_t from = image.channels.size(), pixels = std::size_t{image.width} * image.height;
+  const bool has_alpha = from == 4, is_color = image.kind == Image::Kind::kColor;
+  std::vector<std::uint8_t> bytes(pixels * channels);
+  parallel_for(pixels, 1 << 14, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const float* in = &image.pixels[i * from];
+      const float alpha = has_alpha ? in[3] : 1;
+      for (std::size_t c = 0; c < std::min<std::size_t>(channels, 3); ++c) {
+        float value = in[c];
+        if (has_alpha && channels == 4) value = alpha > 0 ? value / alpha : 0;
+        if (has_alpha && channels == 3) value += (1 - alpha) * kJpegBackground;
+        bytes[i * channels + c] = to_byte(is_color ? linear_to_srgb(value) : value);
+      }
+      if (channels == 4) bytes[i * channels + 3] = to_byte(alpha);
+    }
+  });
+  return bytes;
+}
+
+}  // namespace
+
+ImageFormat image_format(const std::string& path) {
+  if (path == "-") return ImageFormat::kPng;
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (extension == ".png") return ImageFormat::kPng;
+  if (extension == ".jpg" || extension == ".jpeg") return ImageFormat::kJpeg;
+  if (extension == ".exr") return ImageFormat::kExr;
+  throw Error(ExitCode::kUsage, path, "images are written as .png, .jpg, .jpeg or .exr; choose one of these");
+}
+
+void check_image_format(const std::string& path, ImageFormat format, Image::Kind kind) {
+  if (kind == Image::Kind::kData && format != ImageFormat::kExr)
+    throw Error(ExitCode::kUsage, path,
+                "only .exr holds these values unchanged; give a name that ends in .exr");
+}
+
+void write_image(const std::string& path, const Image& image, bool overwrite) {
+  const ImageFormat format = image_format(path);
+  check_image_format(path, format, image.kind);
+  OutputFile file(path, overwrite);
+  const auto fail = [&](const std::string& why) {
+    throw Error(ExitCode::kFailure, path, "the image cannot be written: " + why);
+  };
+  static const char* const kNames[] = {"png", "jpeg", "openexr"};
+  const auto out = OIIO::ImageOutput::create(kNames[static_cast<int>(format)]);
+  if (!out) fail(OIIO::geterror());
+  OIIO::attribute("threads", thread_count());
+
+  const int width = static_cast<int>(image.width), height = static_cast<int>(image.height);
+  std::size_t channels = image.channels.size();
+  if (format == ImageFormat::kJpeg && channels == 4) channels = 3;
+  OIIO::ImageSpec spec(width, height, static_cast<int>(channels),
+                       format == ImageFormat::kExr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
+  spec.attribute("DateTime",
+                 "1970:01:01 00:00:00");  // or OpenImageIO puts the clock's, and no two files are equal
+  if (format == ImageFormat::kExr) {
+    spec.channelnames = image.channels;
+    spec.alpha_channel = -1;
+    spec.attribute("compression", "zip");
+  } else {
+    spec.attribute("oiio:UnassociatedAlpha", 1);
+    if (image.kind == Image::Kind::kColor) spec.attribute("oiio:ColorSpace", "sRGB");
+    if (format == ImageFormat::kJpeg) spec.attribute("CompressionQuality", kJpegQuality);
+  }
+  if (!out->open(file.temporary_path(), spec)) fail(out->geterror());
+  const bool written = format == ImageFormat::kExr
+                           ? out->write_image(OIIO::TypeDesc::FLOAT, image.pixels.data())
+                           : out->write_image(OIIO::TypeDesc::UINT8, to_bytes(image, channels).data());
+  if (!written) fail(out->geterror());
+  if (!out->close()) fail(out->geterror());
+  file.commit();
+}
+
+}  // namespace rbvh

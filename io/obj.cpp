@@ -1,0 +1,259 @@
+#include "io/obj.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "io/colors.h"
+#include "io/text_cursor.h"
+
+namespace rbvh {
+namespace {
+
+constexpr std::int64_t kNone = -1;
+
+/// A vertex index from 0, and its normal's or kNone.
+struct Corner {
+  std::int64_t vertex = 0, normal = kNone;
+};
+
+class ObjReader {
+ public:
+  ObjReader(std::string_view bytes, const std::string& file) : in_(bytes, file), line_start_(in_) {}
+
+  RawScan read() {
+    std::string joined;
+    std::string_view line;
+    for (;;) {
+      line_start_ = in_;
+      if (!in_.next_line(line)) break;
+      if (!line.empty() && line.back() == '\\') {
+        // A backslash continues the statement on the next line.
+        joined.assign(line.substr(0, line.size() - 1));
+        while (in_.next_line(line)) {
+          const bool more = !line.empty() && line.back() == '\\';
+          joined += ' ';
+          joined.append(line.substr(0, line.size() - (more ? 1 : 0)));
+          if (!more) break;
+        }
+        line = joined;
+      }
+      statement(line);
+    }
+    return finish();
+  }
+
+ private:
+  void statement(std::string_view line) {
+    TextCursor words(line, *in_.file);
+    const std::string_view key = words.word();
+    if (key.empty() || key[0] == '#') return;
+    if (key == "v") {
+      vertex(words);
+    } else if (key == "vn") {
+      double n[3];
+      if (numbers(words, n, 3) != 3) line_start_.fail("a normal needs three numbers");
+      file_normals_.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
+    } else if (key == "f" || key == "fo") {
+      face(words);
+    } else if (key == "o" || key == "g") {
+      words.skip_blanks();
+      (key == "o" ? object_ : group_) = std::string(words.at, words.end);
+      current_id_ = kNone;
+    } else if (key == "vt" || key == "l" || key == "p" || key == "usemtl" || key == "mtllib") {
+      ++dropped_[std::string(key)];
+    } else if (key == "vp" || key == "curv" || key == "curv2" || key == "surf" || key == "cstype") {
+      ++dropped_["free-form geometry"];
+    } else if (key.size() > 16 || !std::all_of(key.begin(), key.end(), [](char c) {
+                 return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '.';
+               })) {
+      line_start_.fail(shown(key) + " is no statement of an OBJ file");
+    }
+  }
+
+  /// Takes up to `most` numbers; returns how many there were. Anything else on the line is an error.
+  int numbers(TextCursor& words, double* out, int most) {
+    int count = 0;
+    for (std::string_view word; !(word = words.word()).empty() && word[0] != '#';) {
+      double value = 0;
+      if (read_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
+        line_start_.fail(shown(word) + " is not a number");
+      if (count < most) out[count] = value;
+      ++count;
+    }
+    return count;
+  }
+
+  /// x y z [w] [r g b]
+  void vertex(TextCursor& words) {
+    double values[8];
+    const int count = numbers(words, values, 8);
+    if (count < 3) line_start_.fail("a vertex needs three numbers");
+    positions_.push_back({values[0], values[1], values[2]});
+    if (count != 6 && count != 7) return;
+    colors_.resize(positions_.size() - 1, Vec3f{1, 1, 1});
+    const double* rgb = values + count - 3;
+    colors_.push_back({static_cast<float>(rgb[0]), static_cast<float>(rgb[1]), static_cast<float>(rgb[2])});
+  }
+
+  std::int64_t index(const char*& at, const char* end, std::size_t count, bool optional) {
+    std::int64_t value = 0;
+    const auto [stop, error] = std::from_chars(at, end, value);
+    if (error != std::errc() || value == 0) {
+      if (optional && stop == at && error == std::errc::invalid_argument) return kNone;
+      line_start_.fail("a face has a corner that is no index");
+    }
+    at = stop;
+    if (value > 0) return value - 1;
+    if (value < -static_cast<std::int64_t>(count))
+      line_start_.fail("the index " + std::to_string(value) + " is out of range (there are " +
+                       std::to_string(count) + " so far)");
+    return value + static_cast<std::int64_t>(count);
+  }
+
+  /// v, v/vt, v//vn or v/vt/vn, where vt and vn may be missing.
+  Corner corner(std::string_view word) {
+    Corner corner;
+    const char* at = word.data();
+    const char* end = at + word.size();
+    corner.vertex = index(at, end, positions_.size(), false);
+    if (at < end && *at == '/') {
+      ++at;
+      std::int64_t texture = 0;
+      at = std::from_chars(at, end, texture).ptr;
+    }
+    if (at < end && *at == '/') {
+      ++at;
+      corner.normal = index(at, end, file_normals_.size(), true);
+    }
+    if (at != end) line_start_.fail("the corner " + shown(word) + " of a face is malformed");
+    // A face may come before its vertices, so what is too large is known at the end only.
+    if (corner.vertex > largest_vertex_) {
+      largest_vertex_ = corner.vertex;
+      largest_vertex_line_ = line_start_.at;
+    }
+    if (corner.normal > largest_normal_) {
+      largest_normal_ = corner.normal;
+      largest_normal_line_ = line_start_.at;
+    }
+    return corner;
+  }
+
+  void face(TextCursor& words) {
+    corners_.clear();
+    for (std::string_view word; !(word = words.word()).empty() && word[0] != '#';)
+      corners_.push_back(corner(word));
+    if (corners_.size() < 3) {
+      if (in_.at_end()) line_start_.fail("the file is cut in its last face");
+      ++short_faces_;
+      return;
+    }
+    if (current_id_ == kNone)
+      current_id_ = ids_.try_emplace({object_, group_}, static_cast<std::int32_t>(ids_.size())).first->second;
+    for (std::size_t i = 2; i < corners_.size(); ++i) {
+      triangles_.push_back(
+          {narrow(corners_[0].vertex), narrow(corners_[i - 1].vertex), narrow(corners_[i].vertex)});
+      object_ids_.push_back(static_cast<std::int32_t>(current_id_));
+    }
+    for (const Corner& corner : corners_)
+      if (corner.normal != kNone) corner_normals_.push_back({narrow(corner.vertex), narrow(corner.normal)});
+  }
+
+  /// Too large is caught by finish().
+  static std::uint32_t narrow(std::int64_t index) {
+    return static_cast<std::uint32_t>(std::min<std::int64_t>(index, UINT32_MAX));
+  }
+
+  void check_largest(std::int64_t largest, const char* line, std::size_t count, const char* what) {
+    if (largest < static_cast<std::int64_t>(std::min<std::size_t>(count, UINT32_MAX))) return;
+    line_start_.at = line;
+    line_start_.fail("the index " + std::to_string(largest + 1) + " is out of range (there are " +
+                     std::to_string(count) + " " + what + ")");
+  }
+
+  void assign_normals(RawScan& scan) {
+    const std::size_t count = positions_.size();
+    if (triangles_.empty()) {
+      if (file_normals_.size() == count) {
+        scan.normals = std::move(file_normals_);
+      } else if (!file_normals_.empty()) {
+        scan.notes.push_back("the normals are not kept: their number is not that of the vertices");
+      }
+      return;
+    }
+    if (corner_normals_.empty()) return;
+    scan.normals.resize(count);
+    std::vector<std::uint32_t> normal_of(count, UINT32_MAX);
+    std::vector<bool> several(count);
+    for (const auto& [vertex, normal] : corner_normals_) {
+      if (normal_of[vertex] == normal) continue;
+      const Vec3f n = file_normals_[normal];
+      if (normal_of[vertex] != UINT32_MAX && file_normals_[normal_of[vertex]] != n) several[vertex] = true;
+      if (normal_of[vertex] == UINT32_MAX || several[vertex]) scan.normals[vertex] = scan.normals[vertex] + n;
+      normal_of[vertex] = normal;
+    }
+    std::size_t averaged = 0;
+    for (std::size_t i = 0; i < count; ++i)
+      if (several[i]) {
+        scan.normals[i] = normalized(scan.normals[i]);
+        ++averaged;
+      }
+    if (averaged > 0)
+      scan.notes.push_back(std::to_string(averaged) + " vertices have several normals, which were averaged");
+  }
+
+  RawScan finish() {
+    check_largest(largest_vertex_, largest_vertex_line_, positions_.size(), "vertices");
+    check_largest(largest_normal_, largest_normal_line_, file_normals_.size(), "normals");
+    RawScan scan;
+    assign_normals(scan);
+    if (!colors_.empty()) {
+      colors_.resize(positions_.size(), Vec3f{1, 1, 1});
+      scan.colors = colors_from_floats(colors_);
+    }
+    scan.positions = std::move(positions_);
+    scan.triangles = std::move(triangles_);
+    if (ids_.size() > 1) scan.object_ids = std::move(object_ids_);
+    if (short_faces_ > 0)
+      scan.notes.push_back(std::to_string(short_faces_) +
+                           " faces with fewer than three corners were left out");
+    for (const auto& [key, count] : dropped_)
+      scan.notes.push_back("'" + key + "' (" + std::to_string(count) + ") is not kept");
+    return scan;
+  }
+
+  TextCursor in_, line_start_;
+  std::vector<Vec3d> positions_;
+  std::vector<Vec3f> colors_, file_normals_;
+  std::vector<Triangle> triangles_;
+  std::vector<std::int32_t> object_ids_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> corner_normals_;  ///< vertex, normal
+  std::vector<Corner> corners_;
+  std::string object_, group_;
+  std::map<std::pair<std::string, std::string>, std::int32_t> ids_;
+  std::int64_t current_id_ = kNone;
+  std::int64_t largest_vertex_ = kNone, largest_normal_ = kNone;
+  const char *largest_vertex_line_ = nullptr, *largest_normal_line_ = nullptr;
+  std::size_t short_faces_ = 0;
+  std::map<std::string, std::size_t> dropped_;
+};
+
+}  // namespace
+
+bool is_obj(std::string_view bytes) {
+  static const std::string kNoFile;
+  TextCursor in(bytes.substr(0, 65536), kNoFile);
+  std::string_view line;
+  while (in.next_line(line)) {
+    const std::string_view key = TextCursor(line, kNoFile).word();
+    if (key.empty() || key[0] == '#') continue;
+    for (const char* known : {"v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"})
+      if (key == known) return true;
+    return false;
+  }
+  return false;
+}
+
+RawScan read_obj(std::string_view bytes, const std::string& file) { return ObjReader(bytes, file).read(); }
+
+}  // namespace rbvh

@@ -1,0 +1,165 @@
+#include "io/scan_io.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+#include "io/input_file.h"
+#include "io/obj.h"
+#include "io/off.h"
+#include "io/pcd.h"
+#include "io/ply.h"
+#include "io/stl.h"
+#include "io/text_cursor.h"
+#include "io/xyz.h"
+#include "pipeline/base/error.h"
+
+namespace rbvh {
+namespace {
+
+using Reader = RawScan (*)(std::string_view bytes, const std::string& file);
+
+/// Formats told by their first bytes that are not read, with what to do about it.
+struct Foreign {
+  std::string_view magic;
+  const char* advice;
+};
+constexpr Foreign kForeign[] = {
+    {"LASF", "is a LAS or LAZ file, which is not supported yet; convert it to PLY or PCD"},
+    {"\x1f\x8b", "is compressed by gzip; unpack it first"},
+    {"BZh", "is compressed by bzip2; unpack it first"},
+    {"\xfd"
+     "7zXZ",
+     "is compressed by xz; unpack it first"},
+    {"\x28\xb5\x2f\xfd", "is compressed by zstd; unpack it first"},
+    {"PK\x03\x04", "is a zip archive (or 3MF); unpack or convert it first"},
+    {"glTF", "is a binary glTF file, which is not supported; convert it to PLY"},
+    {"ASTM-E57", "is an E57 file, which is not supported; convert it to PLY"},
+    {"Kaydara FBX", "is an FBX file, which is not supported; convert it to PLY"},
+};
+
+Reader reader_by_content(std::string_view bytes) {
+  if (is_ply(bytes)) return read_ply;
+  if (is_pcd(bytes)) return read_pcd;
+  if (is_stl(bytes)) return read_stl;
+  if (is_off(bytes)) return read_off;
+  return nullptr;
+}
+
+Reader reader_by_extension(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".ply") return read_ply;
+  if (extension == ".obj") return read_obj;
+  if (extension == ".stl") return read_stl;
+  if (extension == ".off") return read_off;
+  if (extension == ".pcd") return read_pcd;
+  for (const char* text : {".xyz", ".txt", ".csv", ".asc", ".pts", ".xyzn", ".xyzrgb", ".tsv", ".neu"})
+    if (extension == text) return read_xyz;
+  return nullptr;
+}
+
+std::int64_t largest_id(const RawScan& scan) {
+  return scan.object_ids.empty() ? 0 : *std::max_element(scan.object_ids.begin(), scan.object_ids.end());
+}
+
+template <class T>
+void append(std::vector<T>& all, std::vector<T>&& more) {
+  all.insert(all.end(), more.begin(), more.end());
+}
+
+/// Appends an attribute that one side may lack: what is missing is filled in.
+template <class T>
+void append_filled(std::vector<T>& all, std::size_t count, std::vector<T>&& more, std::size_t more_count,
+                   T fill) {
+  if (all.empty() && more.empty()) return;
+  all.resize(count, fill);
+  more.resize(more_count, fill);
+  append(all, std::move(more));
+}
+
+}  // namespace
+
+RawScan parse_scan(std::string_view bytes, const std::string& path) {
+  const std::string name = input_name(path);
+  for (const Foreign& foreign : kForeign)
+    if (bytes.substr(0, foreign.magic.size()) == foreign.magic)
+      throw Error(ExitCode::kInput, name, foreign.advice);
+  Reader reader = reader_by_content(bytes);
+  if (!reader) reader = reader_by_extension(path);
+  if (!reader && is_obj(bytes)) reader = read_obj;
+  if (!reader && is_xyz(bytes)) reader = read_xyz;
+  if (!reader)
+    throw Error(ExitCode::kInput, name,
+                "is of no known format (neither its first bytes nor its extension say PLY, OBJ, STL, OFF, "
+                "PCD or XYZ)");
+  RawScan scan = reader(bytes, name);
+  if (scan.positions.empty()) throw Error(ExitCode::kInput, name, "has no vertices");
+  return scan;
+}
+
+RawScan read_scan(const std::string& path) {
+  const InputBytes bytes = read_input(path);
+  return parse_scan(bytes.view(), path);
+}
+
+void merge_scan(RawScan& all, RawScan&& scan) {
+  if (all.positions.empty()) {
+    all = std::move(scan);
+    return;
+  }
+  if (all.triangles.empty() != scan.triangles.empty())
+    throw Error(ExitCode::kInput, "", "a mesh and a cloud cannot be merged; ingest them one by one");
+  const std::size_t count = all.positions.size(), more = scan.positions.size();
+  if (count + more >= std::numeric_limits<std::uint32_t>::max())
+    throw Error(ExitCode::kInput, "",
+                "the inputs have more than 4294967294 vertices in all; merge fewer of them");
+
+  const Vec3d move = scan.shift - all.shift;
+  if (move != Vec3d{})
+    for (Vec3d& p : scan.positions) p = p + move;
+  append(all.positions, std::move(scan.positions));
+  append_filled(all.normals, count, std::move(scan.normals), more, Vec3f{});
+  append_filled(all.radii, count, std::move(scan.radii), more, 0.0f);
+  append_filled(all.colors, count, std::move(scan.colors), more, Color8{255, 255, 255});
+  constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+  for (ScalarProperty& property : all.properties) {
+    const auto same = std::find_if(scan.properties.begin(), scan.properties.end(),
+                                   [&](const ScalarProperty& other) { return other.name == property.name; });
+    if (same == scan.properties.end()) {
+      property.values.resize(count + more, kUnknown);
+    } else {
+      append(property.values, std::move(same->values));
+      scan.properties.erase(same);
+    }
+  }
+  for (ScalarProperty& property : scan.properties) {
+    std::vector<float> values(count, kUnknown);
+    append(values, std::move(property.values));
+    all.properties.push_back({std::move(property.name), std::move(values)});
+  }
+
+  const std::size_t elements = all.triangles.empty() ? count : all.triangles.size();
+  const std::size_t more_elements = scan.triangles.empty() ? more : scan.triangles.size();
+  std::int64_t lowest = 0;
+  for (const std::int32_t id : scan.object_ids) lowest = std::min<std::int64_t>(lowest, id);
+  const std::int64_t base = largest_id(all) + 1 - lowest;
+  if (base + largest_id(scan) > std::numeric_limits<std::int32_t>::max())
+    throw Error(ExitCode::kInput, "", "the object ids of the inputs are too large to be merged");
+  all.object_ids.resize(elements, 0);
+  scan.object_ids.resize(more_elements, 0);
+  for (std::int32_t& id : scan.object_ids) id = static_cast<std::int32_t>(id + base);
+  append(all.object_ids, std::move(scan.object_ids));
+
+  for (Triangle& triangle : scan.triangles)
+    for (std::uint32_t& corner : triangle) corner += static_cast<std::uint32_t>(count);
+  append(all.triangles, std::move(scan.triangles));
+  append(all.notes, std::move(scan.notes));
+  // Several sensors: no one of them is the viewpoint of the whole.
+  all.has_viewpoint = false;
+}
+
+}  // namespace rbvh

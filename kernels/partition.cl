@@ -1,0 +1,97 @@
+// One level of the breadth-first construction (section 6 of the paper): every active node's references are split in
+// two by its plane. References of a node are contiguous and stay so, hence the paper's sort by node is a stable
+// partition inside each node, and no reference is ever duplicated.
+#include "layout.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+typedef struct {
+  float4 lo, hi, area_normal;
+  uint count;
+} Sums;
+
+inline Sums no_sums(void) {
+  Sums s;
+  s.lo = (float4)(FLT_MAX, FLT_MAX, FLT_MAX, 0.0f);
+  s.hi = (float4)(-FLT_MAX);
+  s.area_normal = (float4)(0.0f);
+  s.count = 0;
+  return s;
+}
+
+// box_lo.w is the area: it is summed, not minimised.
+inline void sums_add(Sums* s, float4 lo, float4 hi, float4 area_normal) {
+  const float area = s->lo.w + lo.w;
+  s->lo = min(s->lo, lo);
+  s->lo.w = area;
+  s->hi = max(s->hi, hi);
+  s->area_normal += area_normal;
+  s->count++;
+}
+
+inline void sums_store(const Sums* s, __global PrimitiveSums* out) {
+  vstore3(s->lo.xyz, 0, out->lo);
+  out->count = s->count;
+  vstore3(s->hi.xyz, 0, out->hi);
+  out->area = s->lo.w;
+  vstore3(s->area_normal.xyz, 0, out->area_normal);
+  out->unused = 0.0f;
+}
+
+__kernel void partition_reduce(__global const Run* runs, uint run_count, __global const uint* references,
+                               __global const float4* box_lo, __global const float4* box_hi,
+                               __global const float4* area_normal, __global PrimitiveSums* sums) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  Sums s = no_sums();
+  for (uint i = runs[r].begin; i < end; ++i) {
+    const uint j = references[i];
+    sums_add(&s, box_lo[j], box_hi[j], area_normal[j]);
+  }
+  sums_store(&s, sums + r);
+}
+
+// Chooses each reference's side and sums the two children over this run: sums[2r] left, sums[2r + 1] right.
+__kernel void partition_choose(__global const Run* runs, uint run_count, __global const SplitPlane* planes,
+                               __global const uint* references, __global const float4* box_lo,
+                               __global const float4* box_hi, __global const float4* area_normal,
+                               __global uchar* sides, __global PrimitiveSums* sums) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint begin = runs[r].begin, end = runs[r].end;
+  const SplitPlane plane = planes[runs[r].owner];
+  const float4 pick = (float4)(plane.axis == 0, plane.axis == 1, plane.axis == 2, 0.0f);
+  Sums left = no_sums(), right = no_sums();
+  for (uint i = begin; i < end; ++i) {
+    const uint j = references[i];
+    const float4 lo = box_lo[j], hi = box_hi[j], n = area_normal[j];
+    const bool is_left = plane.axis == 3 ? i < plane.middle : 0.5f * dot(lo + hi, pick) < plane.position;
+    sides[i] = is_left ? 0 : 1;
+    if (is_left)
+      sums_add(&left, lo, hi, n);
+    else
+      sums_add(&right, lo, hi, n);
+  }
+  sums_store(&left, sums + 2 * r);
+  sums_store(&right, sums + 2 * r + 1);
+}
+
+// Moves references to their side, in order: targets[2r] and targets[2r + 1] say where this run's begin.
+__kernel void partition_scatter(__global const Run* runs, uint run_count, __global const uint* targets,
+                                __global const uint* references, __global const uchar* sides,
+                                __global uint* moved) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  uint at[2] = {targets[2 * r], targets[2 * r + 1]};
+  for (uint i = runs[r].begin; i < end; ++i) moved[at[sides[i]]++] = references[i];
+}
+
+__kernel void partition_copy(__global const Run* runs, uint run_count, __global const uint* from,
+                             __global uint* to) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  for (uint i = runs[r].begin; i < end; ++i) to[i] = from[i];
+}

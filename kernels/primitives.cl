@@ -1,0 +1,77 @@
+// Primitives (triangles or oriented discs) as the partition sees them: a box, an area and an area-weighted normal.
+// After the first two kernels nothing but the rasteriser knows which kind they are.
+#include "layout.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+inline float4 load3(__global const float* p, uint i) { return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f); }
+
+// Spreads the low 10 bits of x, two zeros between neighbours.
+inline uint spread(uint x) {
+  x = (x | (x << 16)) & 0x030000ffu;
+  x = (x | (x << 8)) & 0x0300f00fu;
+  x = (x | (x << 4)) & 0x030c30c3u;
+  return (x | (x << 2)) & 0x09249249u;
+}
+
+// 30-bit Morton codes of the primitives' centres. `vertices_each`: 3 (triangles, indices) or 1 (discs, no indices).
+__kernel void primitives_morton(__global const float* positions, __global const uint* indices, uint vertices_each,
+                                uint count, float4 lo, float4 scale, __global uint* codes, __global uint* ids) {
+  const uint i = get_global_id(0);
+  if (i >= count) return;
+  float4 c;
+  if (vertices_each == 3)
+    c = (load3(positions, indices[3 * i]) + load3(positions, indices[3 * i + 1]) +
+         load3(positions, indices[3 * i + 2])) *
+        (1.0f / 3.0f);
+  else
+    c = load3(positions, i);
+  const float4 cell = min(max((c - lo) * scale, 0.0f), 1023.0f);
+  codes[i] = spread((uint)cell.x) | (spread((uint)cell.y) << 1) | (spread((uint)cell.z) << 2);
+  ids[i] = i;
+}
+
+// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w is free.
+__kernel void primitives_triangles(__global const float* positions, __global const uint* indices,
+                                   __global const uint* order, uint count, __global float* shape,
+                                   __global float4* box_lo, __global float4* box_hi, __global float4* area_normal) {
+  const uint j = get_global_id(0);
+  if (j >= count) return;
+  const uint i = order[j];
+  const float4 a = load3(positions, indices[3 * i]), b = load3(positions, indices[3 * i + 1]),
+               c = load3(positions, indices[3 * i + 2]);
+  vstore3(a.xyz, 0, shape + 9 * (size_t)j);
+  vstore3(b.xyz, 1, shape + 9 * (size_t)j);
+  vstore3(c.xyz, 2, shape + 9 * (size_t)j);
+  const float4 n = 0.5f * cross(b - a, c - a);
+  float4 lo = min(a, min(b, c));
+  lo.w = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+  box_lo[j] = lo;
+  box_hi[j] = max(a, max(b, c));
+  area_normal[j] = n;
+}
+
+// shape: centre, radius, unit normal, two unused. A disc stands for a square of its neighbours' spacing, so that a
+// cloud's area does not count the discs' overlap: area = (radius * spacing_per_radius)^2.
+__kernel void primitives_discs(__global const float* positions, __global const float* normals,
+                               __global const float* radii, float spacing_per_radius, __global const uint* order,
+                               uint count, __global float* shape, __global float4* box_lo, __global float4* box_hi,
+                               __global float4* area_normal) {
+  const uint j = get_global_id(0);
+  if (j >= count) return;
+  const uint i = order[j];
+  const float4 c = load3(positions, i), n = load3(normals, i);
+  const float radius = radii[i];
+  vstore3(c.xyz, 0, shape + 9 * (size_t)j);
+  shape[9 * (size_t)j + 3] = radius;
+  vstore3(n.xyz, 0, shape + 9 * (size_t)j + 4);
+  // A disc reaches radius * sqrt(1 - n_axis^2) along each axis.
+  float4 reach = radius * sqrt(max(1.0f - n * n, 0.0f));
+  reach.w = 0.0f;
+  const float spacing = radius * spacing_per_radius;
+  float4 lo = c - reach;
+  lo.w = spacing * spacing;
+  box_lo[j] = lo;
+  box_hi[j] = c + reach;
+  area_normal[j] = n * (spacing * spacing);
+}

@@ -1,0 +1,376 @@
+// Tiles: finds each tile's rectangle, rasterises its primitives into height texels, and sums up what came out.
+// A texel's key orders candidates in one 32-bit atomic maximum, so the result does not depend on their order:
+//   bits 24..31  255: the primitive covers the texel's centre; below: how near it comes (254 near .. 1 far); 0: nothing
+//   bits 0..23   height in fine quanta (the nearest surface along the tile's normal wins)
+#include "layout.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+inline float4 load3(__global const float* p, uint i) { return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f); }
+
+// --- the rectangle --------------------------------------------------------------------------------------------------
+
+// cos and sin of RBVH_FRAME_ANGLES angles in [0, 90) degrees.
+__constant float frame_cos[16] = {1.0f,        0.99518473f, 0.98078528f, 0.95694034f, 0.92387953f, 0.88192126f,
+                                  0.83146961f, 0.77301045f, 0.70710678f, 0.63439328f, 0.55557023f, 0.47139674f,
+                                  0.38268343f, 0.29028468f, 0.19509032f, 0.09801714f};
+__constant float frame_sin[16] = {0.0f,        0.09801714f, 0.19509032f, 0.29028468f, 0.38268343f, 0.47139674f,
+                                  0.55557023f, 0.63439328f, 0.70710678f, 0.77301045f, 0.83146961f, 0.88192126f,
+                                  0.92387953f, 0.95694034f, 0.98078528f, 0.99518473f};
+
+typedef struct {
+  float16 u_lo, u_hi, v_lo, v_hi;
+  float w_lo, w_hi;
+} Extents;
+
+inline void extents_add(Extents* e, float u, float v, float w, float reach_uv, float reach_w) {
+  const float16 c = vload16(0, frame_cos), s = vload16(0, frame_sin);
+  const float16 ru = c * u + s * v, rv = c * v - s * u;
+  e->u_lo = min(e->u_lo, ru - reach_uv);
+  e->u_hi = max(e->u_hi, ru + reach_uv);
+  e->v_lo = min(e->v_lo, rv - reach_uv);
+  e->v_hi = max(e->v_hi, rv + reach_uv);
+  e->w_lo = min(e->w_lo, w - reach_w);
+  e->w_hi = max(e->w_hi, w + reach_w);
+}
+
+__kernel void rasterize_extents(__global const Run* runs, uint run_count, __global const TileAxes* axes,
+                                __global const uint* references, __global const float* shape, uint is_disc,
+                                __global TileExtents* extents) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const TileAxes* a = axes + runs[r].owner;
+  const float4 o = vload4(0, a->origin), u = vload4(0, a->u), v = vload4(0, a->v), w = vload4(0, a->w);
+  Extents e;
+  e.u_lo = e.v_lo = (float16)(FLT_MAX);
+  e.u_hi = e.v_hi = (float16)(-FLT_MAX);
+  e.w_lo = FLT_MAX;
+  e.w_hi = -FLT_MAX;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    __global const float* s = shape + 9 * (size_t)references[i];
+    if (is_disc) {
+      const float4 p = load3(s, 0) - o;
+      const float lean = dot((float4)(s[4], s[5], s[6], 0.0f), w);
+      extents_add(&e, dot(p, u), dot(p, v), dot(p, w), s[3], s[3] * sqrt(max(0.0f, 1.0f - lean * lean)));
+    } else {
+      for (uint k = 0; k < 3; ++k) {
+        const float4 p = load3(s, k) - o;
+        extents_add(&e, dot(p, u), dot(p, v), dot(p, w), 0.0f, 0.0f);
+      }
+    }
+  }
+  __global TileExtents* out = extents + r;
+  vstore16(e.u_lo, 0, out->u_lo);
+  vstore16(e.u_hi, 0, out->u_hi);
+  vstore16(e.v_lo, 0, out->v_lo);
+  vstore16(e.v_hi, 0, out->v_hi);
+  out->w_lo = e.w_lo;
+  out->w_hi = e.w_hi;
+}
+
+// --- heights --------------------------------------------------------------------------------------------------------
+
+inline float4 to_tile(__global const float* m, float4 p) {
+  return (float4)(m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3], m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7],
+                  m[8] * p.x + m[9] * p.y + m[10] * p.z + m[11], 0.0f);
+}
+
+// `distance` in texels; 0: covered.
+inline uint make_key(float distance, float reach, float w) {
+  const uint rank = distance <= 0.0f ? 255u : (uint)(254.0f - distance * (126.5f / reach));
+  return (rank << 24) | (uint)clamp(w, 0.0f, RBVH_FINE_MAX);
+}
+
+// What a primitive has to say of one texel. distance < 0: nothing.
+typedef struct {
+  float distance;  // texels, capped at 2 reach; 0: it covers the centre
+  float w;
+} Sample;
+
+#define FOR_EACH_TEXEL(tile, lo, hi, reach)                                                  \
+  const int x0 = max(0, (int)ceil((lo).x - (reach)));                                        \
+  const int x1 = min((int)(tile)->width - 1, (int)floor((hi).x + (reach)));                  \
+  const int y0 = max(0, (int)ceil((lo).y - (reach)));                                        \
+  const int y1 = min((int)(tile)->height - 1, (int)floor((hi).y + (reach)));                 \
+  for (int y = y0; y <= y1; ++y)                                                             \
+    for (int x = x0; x <= x1; ++x)
+
+// A triangle in tile space, ready to be asked.
+typedef struct {
+  float2 a, b, c;
+  float scale_ab, scale_bc, scale_ca;  // 1 / edge length: edge values to texels
+  float sign;                          // of the projected area
+  float w0, wu, wv;                    // plane: w = w0 + wu u + wv v
+  float w_lo, w_hi;                    // where extrapolation stops
+  int flat;                            // seen edge-on: no plane
+} TileTriangle;
+
+inline float edge_value(float2 p, float2 q, float2 x) { return (q.x - p.x) * (x.y - p.y) - (q.y - p.y) * (x.x - p.x); }
+
+inline TileTriangle make_triangle(float4 a, float4 b, float4 c, float texel_w) {
+  TileTriangle t;
+  t.a = a.xy;
+  t.b = b.xy;
+  t.c = c.xy;
+  const float det = edge_value(t.a, t.b, t.c);
+  t.sign = det < 0.0f ? -1.0f : 1.0f;
+  t.scale_ab = 1.0f / max(length(t.b - t.a), 1e-20f);
+  t.scale_bc = 1.0f / max(length(t.c - t.b), 1e-20f);
+  t.scale_ca = 1.0f / max(length(t.a - t.c), 1e-20f);
+  const float lo = min(a.z, min(b.z, c.z)), hi = max(a.z, max(b.z, c.z));
+  t.flat = fabs(det) < 1e-6f || fabs(det) * t.scale_ab * t.scale_bc < 1e-4f;
+  if (t.flat) {
+    t.w0 = 0.5f * (lo + hi);
+    t.wu = t.wv = 0.0f;
+  } else {
+    const float inv = 1.0f / det;
+    t.wu = ((b.z - a.z) * (c.y - a.y) - (c.z - a.z) * (b.y - a.y)) * inv;
+    t.wv = ((c.z - a.z) * (b.x - a.x) - (b.z - a.z) * (c.x - a.x)) * inv;
+    t.w0 = a.z - t.wu * a.x - t.wv * a.y;
+  }
+  t.w_lo = lo - texel_w;
+  t.w_hi = hi + texel_w;
+  return t;
+}
+
+// Does the square of half side `reach` about x touch the triangle (separating axes)? If so, how far is x from it?
+inline Sample sample_triangle(const TileTriangle* t, float2 x, float reach) {
+  Sample s;
+  s.distance = -1.0f;
+  s.w = 0.0f;
+  const float2 ab = t->b - t->a, bc = t->c - t->b, ca = t->a - t->c;
+  const float d0 = t->sign * edge_value(t->a, t->b, x), d1 = t->sign * edge_value(t->b, t->c, x),
+              d2 = t->sign * edge_value(t->c, t->a, x);
+  if (d0 < -reach * (fabs(ab.x) + fabs(ab.y)) || d1 < -reach * (fabs(bc.x) + fabs(bc.y)) ||
+      d2 < -reach * (fabs(ca.x) + fabs(ca.y)))
+    return s;
+  const float inside = min(d0 * t->scale_ab, min(d1 * t->scale_bc, d2 * t->scale_ca));
+  s.distance = t->flat ? 2.0f * reach : inside >= 0.0f ? 0.0f : clamp(-inside, 1e-3f, 2.0f * reach);
+  s.w = clamp(t->w0 + t->wu * x.x + t->wv * x.y, t->w_lo, t->w_hi);
+  return s;
+}
+
+// A disc in tile space: its plane as w = center.z - lean . (x - center), and lengths in texels.
+typedef struct {
+  float4 center;
+  float2 lean;
+  float radius;    // texels
+  float w_texels;  // fine quanta to texels
+  int flat;
+} TileDisc;
+
+inline TileDisc make_disc(__global const RasterTile* tile, __global const float* s) {
+  TileDisc d;
+  __global const float* m = tile->to_tile;
+  d.center = to_tile(m, load3(s, 0));
+  const float4 n = (float4)(s[4], s[5], s[6], 0.0f);
+  const float4 ru = (float4)(m[0], m[1], m[2], 0.0f), rv = (float4)(m[4], m[5], m[6], 0.0f),
+               rw = (float4)(m[8], m[9], m[10], 0.0f);
+  const float per_texel = length(ru);
+  d.radius = s[3] * per_texel;
+  d.w_texels = 1.0f / tile->texel_w;
+  // A step of one texel is ru / |ru|^2, one fine quantum rw / |rw|^2.
+  const float nw = dot(n, rw) / dot(rw, rw);
+  d.flat = fabs(nw) * length(rw) < 0.1f;  // steeper than 84 degrees
+  d.lean = d.flat ? (float2)(0.0f) : (float2)(dot(n, ru) / dot(ru, ru), dot(n, rv) / dot(rv, rv)) / nw;
+  return d;
+}
+
+// Discs overlap, so the one whose centre is nearest speaks for a texel: distance is measured from the centre, and
+// the cloud's noise is not pushed outwards.
+inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
+  Sample s;
+  const float2 step = x - d->center.xy;
+  const float rise = -dot(d->lean, step);
+  const float away = sqrt(dot(step, step) + rise * rise * d->w_texels * d->w_texels);
+  s.w = d->center.z + rise;
+  s.distance = away <= d->radius ? reach * away / d->radius
+               : away <= d->radius + 1.42f * reach ? reach * (1.0f + (away - d->radius) / (1.42f * reach))
+                                                   : -1.0f;
+  if (d->flat && s.distance >= 0.0f) s.distance = 2.0f * reach;
+  return s;
+}
+
+inline uint fine(float w) { return (uint)clamp(w, 0.0f, RBVH_FINE_MAX); }
+
+// keys: the winner. lowest, highest: what covers the texel's centre, to see two layers; kept as
+// RBVH_FINE_MAX - w and w, each plus one, 0: nothing.
+inline void put(__global uint* keys, __global uint* lowest, __global uint* highest, uint at, Sample q, float reach,
+                int covers) {
+  atomic_max(keys + at, make_key(q.distance, reach, q.w));
+  if (covers) {
+    atomic_max(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
+    atomic_max(highest + at, fine(q.w) + 1u);
+  }
+}
+
+__kernel void rasterize_triangles(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                                  __global const uint* references, __global const float* shape, float reach,
+                                  __global uint* keys, __global uint* lowest, __global uint* highest) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const RasterTile* tile = tiles + runs[r].owner;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    __global const float* s = shape + 9 * (size_t)references[i];
+    const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
+                 c = to_tile(tile->to_tile, load3(s, 2));
+    const TileTriangle t = make_triangle(a, b, c, tile->texel_w);
+    const float4 lo = min(a, min(b, c)), hi = max(a, max(b, c));
+    FOR_EACH_TEXEL(tile, lo, hi, reach) {
+      const Sample q = sample_triangle(&t, (float2)((float)x, (float)y), reach);
+      if (q.distance < 0.0f) continue;
+      put(keys, lowest, highest, tile->offset + (uint)y * tile->width + (uint)x, q, reach, q.distance == 0.0f);
+    }
+  }
+}
+
+__kernel void rasterize_discs(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                              __global const uint* references, __global const float* shape, float reach,
+                              __global uint* keys, __global uint* lowest, __global uint* highest) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const RasterTile* tile = tiles + runs[r].owner;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    const TileDisc d = make_disc(tile, shape + 9 * (size_t)references[i]);
+    FOR_EACH_TEXEL(tile, d.center - d.radius, d.center + d.radius, reach) {
+      const Sample q = sample_disc(&d, (float2)((float)x, (float)y), reach);
+      if (q.distance < 0.0f) continue;
+      put(keys, lowest, highest, tile->offset + (uint)y * tile->width + (uint)x, q, reach,
+          !d.flat && q.distance <= reach);
+    }
+  }
+}
+
+// --- signals on the surface -----------------------------------------------------------------------------------------
+
+// Octahedral unit normal, 8 bits a coordinate, and 5-6-5 colour, as the file has them.
+inline uint pack_normal(float4 n) {
+  const float sum = fabs(n.x) + fabs(n.y) + fabs(n.z);
+  if (!(sum > 0.0f)) return 0x8080u;
+  float2 p = n.xy / sum;
+  if (n.z < 0.0f)
+    p = (1.0f - fabs(p.yx)) * (float2)(n.x < 0.0f ? -1.0f : 1.0f, n.y < 0.0f ? -1.0f : 1.0f);
+  const float2 q = clamp(floor(p * 127.0f + 128.5f), 1.0f, 255.0f);
+  return (uint)q.x | ((uint)q.y << 8);
+}
+
+inline uint pack_color(float4 c) {
+  const float4 q = clamp(floor(c * (float4)(31.0f, 63.0f, 31.0f, 0.0f) / 255.0f + 0.5f), 0.0f, 63.0f);
+  return ((uint)q.x << 11) | ((uint)q.y << 5) | (uint)q.z;
+}
+
+inline float4 color_of(__global const uint* colors, uint i) {
+  const uint c = colors[i];
+  return (float4)((float)(c & 255u), (float)((c >> 8) & 255u), (float)((c >> 16) & 255u), 0.0f);
+}
+
+// The same primitives again: those whose key won give the texel their normal (and colour), interpolated at its
+// centre. Of equal keys the largest value wins, so the order does not matter here either.
+__kernel void rasterize_triangle_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                                         __global const uint* references, __global const float* shape, float reach,
+                                         __global const uint* keys, __global const uint* order,
+                                         __global const uint* indices, __global const float* normals,
+                                         __global const uint* colors, uint has_colors,
+                                         __global uint* texel_normals, __global uint* texel_colors) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const RasterTile* tile = tiles + runs[r].owner;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    const uint j = references[i];
+    __global const float* s = shape + 9 * (size_t)j;
+    const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
+                 c = to_tile(tile->to_tile, load3(s, 2));
+    const TileTriangle t = make_triangle(a, b, c, tile->texel_w);
+    const float4 lo = min(a, min(b, c)), hi = max(a, max(b, c));
+    __global const uint* corner = indices + 3 * (size_t)order[j];
+    const float inv = t.flat ? 0.0f : 1.0f / edge_value(t.a, t.b, t.c);
+    FOR_EACH_TEXEL(tile, lo, hi, reach) {
+      const float2 p = (float2)((float)x, (float)y);
+      const Sample q = sample_triangle(&t, p, reach);
+      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
+      if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
+      float ka = clamp(edge_value(t.b, t.c, p) * inv, 0.0f, 1.0f), kb = clamp(edge_value(t.c, t.a, p) * inv, 0.0f, 1.0f),
+            kc = clamp(edge_value(t.a, t.b, p) * inv, 0.0f, 1.0f);
+      if (t.flat) ka = kb = kc = 1.0f;
+      const float sum = 1.0f / (ka + kb + kc);
+      ka *= sum;
+      kb *= sum;
+      kc *= sum;
+      atomic_max(texel_normals + at, pack_normal(load3(normals, corner[0]) * ka + load3(normals, corner[1]) * kb +
+                                                 load3(normals, corner[2]) * kc));
+      if (has_colors)
+        atomic_max(texel_colors + at, 0x10000u | pack_color(color_of(colors, corner[0]) * ka +
+                                                            color_of(colors, corner[1]) * kb +
+                                                            color_of(colors, corner[2]) * kc));
+    }
+  }
+}
+
+__kernel void rasterize_disc_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                                     __global const uint* references, __global const float* shape, float reach,
+                                     __global const uint* keys, __global const uint* order,
+                                     __global const uint* indices, __global const float* normals,
+                                     __global const uint* colors, uint has_colors, __global uint* texel_normals,
+                                     __global uint* texel_colors) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const RasterTile* tile = tiles + runs[r].owner;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    const uint j = references[i], point = order[j];
+    const TileDisc d = make_disc(tile, shape + 9 * (size_t)j);
+    FOR_EACH_TEXEL(tile, d.center - d.radius, d.center + d.radius, reach) {
+      const Sample q = sample_disc(&d, (float2)((float)x, (float)y), reach);
+      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
+      if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
+      atomic_max(texel_normals + at, pack_normal(load3(normals, point)));
+      if (has_colors) atomic_max(texel_colors + at, 0x10000u | pack_color(color_of(colors, point)));
+    }
+  }
+}
+
+// --- what came out --------------------------------------------------------------------------------------------------
+
+// `layer_gap`, `step_limit`: in texels.
+__kernel void rasterize_summarize(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
+                                  __global const uint* lowest, __global const uint* highest, float layer_gap,
+                                  float step_limit, __global TileSummary* summaries) {
+  const uint k = get_global_id(0);
+  if (k >= tile_count) return;
+  const RasterTile tile = tiles[k];
+  TileSummary s;
+  s.lo = 0xffffffffu;
+  s.hi = s.used = s.layered = s.steps = 0;
+  const float gap = layer_gap * tile.texel_w, step = step_limit * tile.texel_w;
+  for (uint y = 0; y < tile.height; ++y)
+    for (uint x = 0; x < tile.width; ++x) {
+      const uint at = tile.offset + y * tile.width + x;
+      const uint key = keys[at];
+      if (key == 0) continue;
+      const uint w = key & 0xffffffu;
+      s.lo = min(s.lo, w);
+      s.hi = max(s.hi, w);
+      s.used++;
+      if (highest[at] != 0 && (float)(highest[at] - 1u) - (RBVH_FINE_MAX - (float)(lowest[at] - 1u)) > gap) s.layered++;
+      const uint right = x + 1 < tile.width ? keys[at + 1] : 0, below = y + 1 < tile.height ? keys[at + tile.width] : 0;
+      if (right != 0 && fabs((float)(right & 0xffffffu) - (float)w) > step) s.steps++;
+      if (below != 0 && fabs((float)(below & 0xffffffu) - (float)w) > step) s.steps++;
+    }
+  summaries[k] = s;
+}
+
+// Heights in 16-bit quanta over the tile's own range: 1 + round((w - lo) * 65534 / range); 0: no surface.
+__kernel void rasterize_quantize(__global const RasterTile* tiles, uint tile_count, __global const uint* bases,
+                                 __global const float* scales, __global const uint* keys, __global ushort* heights) {
+  const uint k = get_global_id(0);
+  if (k >= tile_count) return;
+  const uint begin = tiles[k].offset, end = begin + tiles[k].width * tiles[k].height;
+  for (uint at = begin; at < end; ++at) {
+    const uint key = keys[at];
+    heights[at] = key == 0 ? 0 : (ushort)(1.5f + ((float)((key & 0xffffffu) - bases[k])) * scales[k]);
+  }
+}

@@ -1,0 +1,486 @@
+// Ray casting an RBVH (Novak & Dachsbacher 2012, section 5): a wide top tree over the tiles, a march over a tile's
+// height field, a refined hit.
+//
+// Marching. In tile space a ray crosses the grid lines of its major axis (the one of u, v that it moves along faster)
+// one after the other. On a line the surface is the linear interpolation of two texels, so the difference D between
+// the ray's and the surface's w needs two reads, and the surface is one and the same for the cells on both sides: no
+// crack inside a tile. A change of sign between two lines is a hit; its place is found by a secant and one Newton
+// step on the bilinear patch. Texels of height 0 are empty. Neighbours further apart than `step_limit` are two
+// surfaces: no wall is drawn between them. Both make D NaN, and NaN never changes sign.
+//
+// Layouts (all 32-bit words):
+//   node of width N: lo.x[N] lo.y[N] lo.z[N] hi.x[N] hi.y[N] hi.z[N] child[N];
+//     child >= 0: node; < 0: tile ~child; an empty slot is a far degenerate box (lo = hi = 1e38).
+//   tile: struct Tile below; its texels lie row by row in `heights`, from `offset`.
+#include "layout.h"
+
+#ifndef RBVH_STACK
+#define RBVH_STACK 192
+#endif
+#define FAR 1e20f
+
+typedef struct Tile {
+  float to_tile[12];
+  uint offset;
+  ushort width, height;
+  float step_limit;  // in height quanta
+  uint unused;
+} Tile;
+
+// A direction component of zero becomes a tiny one, so that 1/d is finite and no slab test sees 0 * inf.
+inline float nonzero(float d) { return fabs(d) < 1e-20f ? copysign(1e-20f, d) : d; }
+inline float16 nonzero16(float16 d) { return select(d, copysign((float16)(1e-20f), d), fabs(d) < 1e-20f); }
+
+inline float any_lo(float16 v) {
+  const float8 a = min(v.lo, v.hi);
+  const float4 b = min(a.lo, a.hi);
+  const float2 c = min(b.lo, b.hi);
+  return min(c.x, c.y);
+}
+inline float any_hi(float16 v) {
+  const float8 a = max(v.lo, v.hi);
+  const float4 b = max(a.lo, a.hi);
+  const float2 c = max(b.lo, b.hi);
+  return max(c.x, c.y);
+}
+
+// A comparison's lanes as bits, and sixteen scattered texels. OpenCL C has no word for either; where the compiler is
+// clang for AVX-512 (PoCL), its own words are one instruction each.
+#if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
+inline uint bits8(int8 m) { return (uchar)__builtin_ia32_cvtd2mask256(m); }
+inline uint bits16(int16 m) { return (ushort)__builtin_ia32_cvtd2mask512(m); }
+// Reads two texels a lane, so the buffer is one longer than the tiles need.
+inline int16 gather16(__global const ushort* p, int16 i) {
+  return __builtin_ia32_gathersiv16si((int16)(0), (const void*)(size_t)p, i, (ushort)0xffff, 2) & 0xffff;
+}
+#else
+inline uint bits8(int8 m) {
+  const int8 b = m & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+  const int4 c = b.lo | b.hi;
+  const int2 d = c.lo | c.hi;
+  return (uint)(d.x | d.y);
+}
+inline uint bits16(int16 m) { return bits8(m.lo) | (bits8(m.hi) << 8); }
+inline int16 gather16(__global const ushort* p, int16 i) {
+  return (int16)(p[i.s0], p[i.s1], p[i.s2], p[i.s3], p[i.s4], p[i.s5], p[i.s6], p[i.s7], p[i.s8], p[i.s9], p[i.sa],
+                 p[i.sb], p[i.sc], p[i.sd], p[i.se], p[i.sf]);
+}
+#endif
+inline uint first_bit(uint m) { return 31u - clz(m & (0u - m)); }
+
+// The bilinear height of a patch, NaN where a corner is missing.
+inline float patch_height(__global const ushort* p, int width, int height, float u, float v) {
+  const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
+  const float fu = u - (float)x, fv = v - (float)y;
+  __global const ushort* q = p + y * width + x;
+  const float a = (float)q[0], b = (float)q[1], c = (float)q[width], d = (float)q[width + 1];
+  if (a == 0.0f || b == 0.0f || c == 0.0f || d == 0.0f) return NAN;
+  const float h0 = a + (b - a) * fu, h1 = c + (d - c) * fu;
+  return h0 + (h1 - h0) * fv;
+}
+
+// A ray's hit on a tile, complete: position on the tile and the geometric normal in world space.
+inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global const ushort* heights, float3 origin,
+                      float3 direction, float t, int leaf) {
+  Hit h;
+  h.t = INFINITY;
+  h.normal[0] = h.normal[1] = h.normal[2] = 0.0f;
+  h.u = h.v = 0.0f;
+  h.leaf = RBVH_NO_LEAF;
+  h.flags = 0;
+  if (leaf >= 0) {
+    __global const Tile* tile = tiles + leaf;
+    __global const float* m = tile->to_tile;
+    const float3 ru = vload3(0, m), rv = vload3(0, m + 4), rw = vload3(0, m + 8);
+    const float3 p = origin + direction * t;
+    const float u = dot(ru, p) + m[3], v = dot(rv, p) + m[7];
+    const int width = tile->width, height = tile->height;
+    const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
+    const float fu = u - (float)x, fv = v - (float)y;
+    __global const ushort* q = heights + tile->offset + y * width + x;
+    const float a = (float)q[0], b = (float)q[1], c = (float)q[width], d = (float)q[width + 1];
+    // Where a corner is missing, the slope along the edge that is there must do.
+    float du, dv;
+    const float ab = a != 0.0f && b != 0.0f ? b - a : NAN, cd = c != 0.0f && d != 0.0f ? d - c : NAN;
+    const float ac = a != 0.0f && c != 0.0f ? c - a : NAN, bd = b != 0.0f && d != 0.0f ? d - b : NAN;
+    du = isnan(ab) ? cd : isnan(cd) ? ab : ab + (cd - ab) * fv;
+    dv = isnan(ac) ? bd : isnan(bd) ? ac : ac + (bd - ac) * fu;
+    du = isnan(du) ? 0.0f : du;
+    dv = isnan(dv) ? 0.0f : dv;
+    // Gradient of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
+    const float3 n = normalize(rw - ru * du - rv * dv);
+    h.t = t;
+    h.normal[0] = n.x;
+    h.normal[1] = n.y;
+    h.normal[2] = n.z;
+    h.u = clamp(u / (float)(width - 1), 0.0f, 1.0f);
+    h.v = clamp(v / (float)(height - 1), 0.0f, 1.0f);
+    h.leaf = (uint)leaf;
+    h.flags = dot(n, direction) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
+  }
+  *hit = h;
+}
+
+// --- one ray --------------------------------------------------------------------------------------------------------
+
+// Nearest crossing of the tile within (tmin, tmax), or tmax. Sixteen grid lines at a time.
+inline float march(__global const Tile* tile, __global const ushort* heights, float3 o, float3 d, float tmin,
+                   float tmax, uint* steps) {
+  __global const float* m = tile->to_tile;
+  const float ou = m[0] * o.x + m[1] * o.y + m[2] * o.z + m[3], ov = m[4] * o.x + m[5] * o.y + m[6] * o.z + m[7],
+              ow = m[8] * o.x + m[9] * o.y + m[10] * o.z + m[11];
+  float du = nonzero(m[0] * d.x + m[1] * d.y + m[2] * d.z), dv = nonzero(m[4] * d.x + m[5] * d.y + m[6] * d.z),
+        dw = nonzero(m[8] * d.x + m[9] * d.y + m[10] * d.z);
+  const int width = tile->width, height = tile->height;
+  const float iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
+  const float ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
+  const float va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
+  const float wa = (1.0f - ow) * iw, wb = (65535.0f - ow) * iw;
+  const float t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), tmin));
+  const float t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), tmax));
+  if (!(t0 <= t1)) return tmax;
+
+  const int along_u = fabs(du) >= fabs(dv);
+  float d_major = along_u ? du : dv;
+  const float o_major = along_u ? ou : ov, o_minor = along_u ? ov : ou, d_minor = along_u ? dv : du;
+  const int n_major = along_u ? width : height, n_minor = along_u ? height : width;
+  const int s_major = along_u ? 1 : width, s_minor = along_u ? width : 1;
+  // A ray along w crosses no line within the slab: lean it by less than a thousandth of a texel.
+  d_major = copysign(max(fabs(d_major), 1e-8f * fabs(dw)), d_major);
+  const float i_major = 1.0f / d_major;
+  const int dir = d_major > 0.0f ? 1 : -1;
+  const float enter = o_major + d_major * t0;
+  int k = clamp((int)(d_major > 0.0f ? floor(enter) : ceil(enter)), 0, n_major - 1);
+  __global const ushort* p = heights + tile->offset;
+  const float limit = tile->step_limit;
+  const int16 lanes = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  for (;;) {
+    const int16 line = k + dir * lanes;
+    const float16 t = (convert_float16(line) - o_major) * i_major;
+    const float16 minor = o_minor + d_minor * t;
+    const int16 y = clamp(convert_int16(minor), 0, n_minor - 2);
+    const int16 at = clamp(line, 0, n_major - 1) * s_major + y * s_minor;
+    const float16 h0 = convert_float16(gather16(p, at)), h1 = convert_float16(gather16(p + s_minor, at));
+    const float16 rise = h1 - h0;
+    const float16 gap = (ow - h0) + dw * t - rise * (minor - convert_float16(y));
+    const int16 solid = (h0 > 0.0f) & (h1 > 0.0f) & (fabs(rise) <= limit);
+    const float16 D = select((float16)(NAN), gap, solid);
+    const float16 next = D.s123456789abcdeff;
+    const float16 t_next = t.s123456789abcdeff;
+    uint crossed = bits16((D * next <= 0.0f) & (t < t1)) & 0x7fffu;
+    *steps += 1;
+    while (crossed) {
+      const uint i = first_bit(crossed);
+      crossed &= crossed - 1u;
+      float tt[16], dd[16];
+      vstore16(t, 0, tt);
+      vstore16(D, 0, dd);
+      const float slope = (dd[i + 1] - dd[i]) / (tt[i + 1] - tt[i]);
+      float hit = tt[i] - dd[i] / slope;
+      const float h = patch_height(p, width, height, ou + du * hit, ov + dv * hit);
+      const float again = hit - (ow + dw * hit - h) / slope;
+      if (again >= tt[i] && again <= tt[i + 1]) hit = again;
+      if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i])) return hit;
+    }
+    k += 15 * dir;
+    if (k < 0 || k >= n_major || any_hi(t) >= t1) return tmax;
+  }
+}
+
+#define NODE16_WORDS (7 * 16)
+
+// Nearest hit of a ray in (tmin, tmax): t, and the tile or -1. With `any`, the first that is found.
+inline float trace(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, float3 o,
+                   float3 direction, float tmin, float tmax, int any, int* leaf, uint* steps) {
+  const float3 d = (float3)(nonzero(direction.x), nonzero(direction.y), nonzero(direction.z));
+  const float3 inv = 1.0f / d;
+  const int nx = d.x < 0.0f ? 3 : 0, ny = d.y < 0.0f ? 4 : 1, nz = d.z < 0.0f ? 5 : 2;
+  int stack[RBVH_STACK];
+  float stack_t[RBVH_STACK];
+  int top = 0, current = 0;
+  float best = tmax;
+  *leaf = -1;
+  for (;;) {
+    while (current >= 0) {
+      __global const float* b = (__global const float*)(nodes + (size_t)current * NODE16_WORDS);
+      const float16 ax = (vload16(nx, b) - o.x) * inv.x, ay = (vload16(ny, b) - o.y) * inv.y,
+                    az = (vload16(nz, b) - o.z) * inv.z;
+      const float16 bx = (vload16(3 - nx, b) - o.x) * inv.x, by = (vload16(5 - ny, b) - o.y) * inv.y,
+                    bz = (vload16(7 - nz, b) - o.z) * inv.z;
+      const float16 t_in = max(max(ax, ay), max(az, (float16)(tmin)));
+      const float16 t_out = min(min(bx, by), min(bz, (float16)(best)));
+      *steps += 1;
+      uint inside = bits16(t_in <= t_out);
+      if (inside == 0) {
+        current = INT_MIN;
+        break;
+      }
+      __global const int* child = (__global const int*)(b + 6 * 16);
+      uint i = first_bit(inside);
+      inside &= inside - 1u;
+      current = child[i];
+      if (inside == 0) continue;
+      float t_child[16];
+      vstore16(t_in, 0, t_child);
+      float t_current = t_child[i];
+      const int base = top;
+      while (inside) {
+        i = first_bit(inside);
+        inside &= inside - 1u;
+        float t = t_child[i];
+        int c = child[i];
+        if (t < t_current) {
+          const float swap_t = t_current;
+          const int swap_c = current;
+          t_current = t;
+          current = c;
+          t = swap_t;
+          c = swap_c;
+        }
+        int j = top++;
+        while (j > base && stack_t[j - 1] < t) {
+          stack_t[j] = stack_t[j - 1];
+          stack[j] = stack[j - 1];
+          --j;
+        }
+        stack_t[j] = t;
+        stack[j] = c;
+      }
+    }
+    if (current != INT_MIN) {
+      const float t = march(tiles + ~current, heights, o, direction, tmin, best, steps);
+      if (t < best) {
+        best = t;
+        *leaf = ~current;
+        if (any) return best;
+      }
+    }
+    do {
+      if (top == 0) return best;
+      --top;
+    } while (stack_t[top] > best);
+    current = stack[top];
+  }
+}
+
+__kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights,
+                              __global const Ray* rays, uint count, uint any, __global Hit* hits,
+                              __global uint* steps_out, uint write_steps) {
+  const uint i = get_global_id(0);
+  if (i >= count) return;
+  const float3 o = vload3(0, rays[i].origin), d = vload3(0, rays[i].direction);
+  const float tmin = rays[i].tmin, tmax = rays[i].tmax;
+  int leaf = -1;
+  uint steps = 0;
+  float t = INFINITY;
+  const float sum = o.x + o.y + o.z + d.x + d.y + d.z;
+  if (isfinite(sum) && dot(d, d) > 0.0f && tmin <= tmax)
+    t = trace(nodes, tiles, heights, o, d, tmin, min(tmax, MAXFLOAT), any != 0, &leaf, &steps);
+  store_hit(hits + i, tiles, heights, o, d, t, leaf);
+  if (write_steps) steps_out[i] = steps;
+}
+
+inline float3 camera_direction(CameraRays camera, float x, float y) {
+  const float sx = x + camera.offset_x, sy = y + camera.offset_y;
+  return normalize((float3)(camera.corner[0] + camera.right[0] * sx + camera.up[0] * sy,
+                            camera.corner[1] + camera.right[1] * sx + camera.up[1] * sy,
+                            camera.corner[2] + camera.right[2] * sx + camera.up[2] * sy));
+}
+
+// One ray a work-item, 8x8 pixels at a time: for devices that are wide by themselves.
+__kernel void trace_rbvh_pixels(__global const uint* nodes, __global const Tile* tiles,
+                                __global const ushort* heights, CameraRays camera, __global Hit* hits,
+                                __global uint* steps_out, uint write_steps) {
+  const uint g = get_global_id(0), blocks = (camera.width + 7) / 8;
+  const uint x = (g / 64 % blocks) * 8 + g % 8, y = (g / 64 / blocks) * 8 + g % 64 / 8;
+  if (x >= camera.width || y >= camera.height) return;
+  const float3 o = vload3(0, camera.position), d = camera_direction(camera, (float)x, (float)y);
+  int leaf = -1;
+  uint steps = 0;
+  const float t = trace(nodes, tiles, heights, o, d, 0.0f, MAXFLOAT, 0, &leaf, &steps);
+  const size_t at = (size_t)y * camera.width + x;
+  store_hit(hits + at, tiles, heights, o, d, t, leaf);
+  if (write_steps) steps_out[at] = steps;
+}
+
+// --- sixteen coherent rays ------------------------------------------------------------------------------------------
+
+typedef struct {
+  float16 dx, dy, dz, t;
+  int16 leaf;
+} Packet;
+
+// All sixteen rays march the tile in lockstep, a grid line of its own major axis each.
+inline void march_packet(__global const Tile* tile, __global const ushort* heights, float3 o, Packet* rays, int id,
+                         uint* steps) {
+  __global const float* m = tile->to_tile;
+  const float ou = m[0] * o.x + m[1] * o.y + m[2] * o.z + m[3], ov = m[4] * o.x + m[5] * o.y + m[6] * o.z + m[7],
+              ow = m[8] * o.x + m[9] * o.y + m[10] * o.z + m[11];
+  const float16 du = m[0] * rays->dx + m[1] * rays->dy + m[2] * rays->dz + 1e-20f,
+                dv = m[4] * rays->dx + m[5] * rays->dy + m[6] * rays->dz + 1e-20f,
+                dw = m[8] * rays->dx + m[9] * rays->dy + m[10] * rays->dz + 1e-20f;
+  const int width = tile->width, height = tile->height;
+  const float16 iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
+  const float16 ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
+  const float16 va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
+  const float16 wa = (1.0f - ow) * iw, wb = (65535.0f - ow) * iw;
+  const float16 t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), (float16)(0.0f)));
+  const float16 t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), rays->t));
+  int16 active = t0 <= t1;
+  if (bits16(active) == 0u) return;
+
+  const int16 along_u = fabs(du) >= fabs(dv);
+  float16 d_major = select(dv, du, along_u);
+  d_major = copysign(max(fabs(d_major), 1e-8f * fabs(dw)), d_major);
+  const float16 d_minor = select(du, dv, along_u);
+  const float16 o_major = select((float16)(ov), (float16)(ou), along_u),
+                o_minor = select((float16)(ou), (float16)(ov), along_u);
+  const int16 n_major = select((int16)(height), (int16)(width), along_u) - 1,
+              n_minor = select((int16)(width), (int16)(height), along_u) - 2;
+  const int16 s_major = select((int16)(width), (int16)(1), along_u), s_minor = select((int16)(1), (int16)(width), along_u);
+  const float16 i_major = 1.0f / d_major;
+  const float16 dir = select((float16)(-1.0f), (float16)(1.0f), d_major > 0.0f);
+  const float16 enter = o_major + d_major * t0;
+  float16 line = dir * floor(dir * enter);
+  __global const ushort* p = heights + tile->offset;
+  const float limit = tile->step_limit;
+  float16 t = FAR, D = NAN;
+  for (;;) {
+    const float16 t_line = (line - o_major) * i_major;
+    const float16 minor = o_minor + d_minor * t_line;
+    const int16 y = clamp(convert_int16(minor), 0, n_minor);
+    const int16 at = clamp(convert_int16(line), 0, n_major) * s_major + y * s_minor;
+    const float16 h0 = convert_float16(gather16(p, at)), h1 = convert_float16(gather16(p, at + s_minor));
+    const float16 rise = h1 - h0;
+    const float16 gap = (ow - h0) + dw * t_line - rise * (minor - convert_float16(y));
+    const int16 solid = (h0 > 0.0f) & (h1 > 0.0f) & (fabs(rise) <= limit);
+    const float16 D_line = select((float16)(NAN), gap, solid);
+    const int16 crossed = (D * D_line <= 0.0f) & active;
+    *steps += 1;
+    if (bits16(crossed) != 0u) {
+      const float16 slope = (D_line - D) / (t_line - t);
+      const float16 secant = t - D / slope;
+      const float16 u = ou + du * secant, v = ov + dv * secant;
+      const int16 hx = clamp(convert_int16(u), 0, width - 2), hy = clamp(convert_int16(v), 0, height - 2);
+      const int16 q = hy * width + hx;
+      const float16 a = convert_float16(gather16(p, q)), b = convert_float16(gather16(p + 1, q)),
+                    c = convert_float16(gather16(p + width, q)), e = convert_float16(gather16(p + width + 1, q));
+      const float16 fu = u - convert_float16(hx), fv = v - convert_float16(hy);
+      const float16 ha = a + (b - a) * fu, hb = c + (e - c) * fu;
+      const int16 whole = (a > 0.0f) & (b > 0.0f) & (c > 0.0f) & (e > 0.0f);
+      const float16 newton = secant - (ow + dw * secant - (ha + (hb - ha) * fv)) / slope;
+      const float16 hit = select(secant, newton, whole & (newton >= t) & (newton <= t_line));
+      const int16 taken = crossed & (hit > 0.0f) & (hit < rays->t);
+      rays->t = select(rays->t, hit, taken);
+      rays->leaf = select(rays->leaf, (int16)(id), taken);
+      active &= ~taken;
+    }
+    active &= t_line < t1;
+    if (bits16(active) == 0u) return;
+    t = t_line;
+    D = D_line;
+    line += dir;
+  }
+}
+
+#define NODE8_WORDS (7 * 8)
+
+// 4x4 pixels a work-item. A node's eight boxes are tested once for all sixteen rays by interval arithmetic on 1/d:
+// the rays share their origin.
+__kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile* tiles,
+                                 __global const ushort* heights, CameraRays camera, __global Hit* hits,
+                                 __global uint* steps_out, uint write_steps) {
+  const uint g = get_global_id(0), blocks = (camera.width + 3) / 4;
+  const uint bx = (g % blocks) * 4, by = (g / blocks) * 4;
+  if (by >= camera.height) return;
+  const float16 px = (float)bx + camera.offset_x + (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 py = (float)by + camera.offset_y + (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  Packet rays;
+  rays.dx = camera.corner[0] + camera.right[0] * px + camera.up[0] * py;
+  rays.dy = camera.corner[1] + camera.right[1] * px + camera.up[1] * py;
+  rays.dz = camera.corner[2] + camera.right[2] * px + camera.up[2] * py;
+  const float16 inverse_length = 1.0f / sqrt(rays.dx * rays.dx + rays.dy * rays.dy + rays.dz * rays.dz);
+  rays.dx *= inverse_length;
+  rays.dy *= inverse_length;
+  rays.dz *= inverse_length;
+  rays.t = (float16)(FAR);
+  rays.leaf = (int16)(-1);
+  const float3 o = vload3(0, camera.position);
+
+  // Per axis: the interval of 1/d, or no test at all where the packet's directions differ in sign.
+  const float lo[3] = {any_lo(rays.dx), any_lo(rays.dy), any_lo(rays.dz)};
+  const float hi[3] = {any_hi(rays.dx), any_hi(rays.dy), any_hi(rays.dz)};
+  float inv_lo[3], inv_hi[3];
+  int mixed[3], negative[3];
+  for (int k = 0; k < 3; ++k) {
+    mixed[k] = lo[k] <= 1e-20f && hi[k] >= -1e-20f;
+    negative[k] = lo[k] < 0.0f;
+    inv_lo[k] = 1.0f / hi[k];
+    inv_hi[k] = 1.0f / lo[k];
+  }
+
+  int stack[RBVH_STACK];
+  float stack_t[RBVH_STACK];
+  int top = 0, current = 0;
+  float best = FAR;
+  uint steps = 0;
+  for (;;) {
+    if (current >= 0) {
+      __global const float* b = (__global const float*)(nodes + (size_t)current * NODE8_WORDS);
+      float8 t_in = (float8)(0.0f), t_out = (float8)(best);
+      steps += 1;
+      for (int k = 0; k < 3; ++k) {
+        if (mixed[k]) continue;
+        const float origin = k == 0 ? o.x : k == 1 ? o.y : o.z;
+        const float8 near = vload8(negative[k] ? k + 3 : k, b) - origin, far = vload8(negative[k] ? k : k + 3, b) - origin;
+        t_in = max(t_in, min(near * inv_lo[k], near * inv_hi[k]));
+        t_out = min(t_out, max(far * inv_lo[k], far * inv_hi[k]));
+      }
+      uint inside = bits8(t_in <= t_out);
+      if (inside) {
+        __global const int* child = (__global const int*)(b + 6 * 8);
+        float t_child[8];
+        vstore8(t_in, 0, t_child);
+        const int base = top;
+        while (inside) {
+          const uint i = first_bit(inside);
+          inside &= inside - 1u;
+          const float t = t_child[i];
+          const int c = child[i];
+          if (c == INT_MIN) continue;
+          int j = top++;
+          while (j > base && stack_t[j - 1] < t) {
+            stack_t[j] = stack_t[j - 1];
+            stack[j] = stack[j - 1];
+            --j;
+          }
+          stack_t[j] = t;
+          stack[j] = c;
+        }
+      }
+    } else {
+      march_packet(tiles + ~current, heights, o, &rays, ~current, &steps);
+      best = any_hi(rays.t);
+    }
+    do {
+      if (top == 0) goto done;
+      --top;
+    } while (stack_t[top] > best);
+    current = stack[top];
+  }
+done:;
+  float dx[16], dy[16], dz[16], t[16];
+  int leaf[16];
+  vstore16(rays.dx, 0, dx);
+  vstore16(rays.dy, 0, dy);
+  vstore16(rays.dz, 0, dz);
+  vstore16(rays.t, 0, t);
+  vstore16(rays.leaf, 0, leaf);
+  for (uint i = 0; i < 16; ++i) {
+    const uint x = bx + i % 4, y = by + i / 4;
+    if (x >= camera.width || y >= camera.height) continue;
+    const size_t at = (size_t)y * camera.width + x;
+    store_hit(hits + at, tiles, heights, o, (float3)(dx[i], dy[i], dz[i]), t[i], leaf[i]);
+    if (write_steps) steps_out[at] = steps;
+  }
+}

@@ -1,0 +1,22 @@
+// Packing a level's tiles into one rectangle of texels.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "pipeline/rbvh/tile.h"
+
+namespace rbvh {
+
+struct AtlasSize {
+  std::uint32_t width = 0, height = 0;
+};
+
+/// Places the tiles in shelves, tallest first (section 3.3 of the paper): sets leaf.x and leaf.y.
+AtlasSize pack_tiles(std::vector<Tile>& tiles);
+
+/// The atlas of one signal: texels of no tile are 0.
+std::vector<std::uint16_t> assemble_layer(const std::vector<Tile>& tiles,
+                                          const std::vector<std::uint16_t>& texels, AtlasSize size);
+
+}  // namespace rbvh

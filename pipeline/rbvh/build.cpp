@@ -1,0 +1,168 @@
+#include "pipeline/rbvh/build.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/atlas.h"
+#include "pipeline/rbvh/partition.h"
+#include "pipeline/rbvh/tile.h"
+#include "pipeline/rbvh/top_tree.h"
+
+namespace rbvh {
+namespace {
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Nodes of no more texels than this are not split for their shape's sake: noise would be split for ever.
+constexpr float kFloorTexels = 16;
+/// A faulty tile is split further, down to this.
+constexpr float kFaultFloorTexels = 4;
+constexpr std::uint32_t kFloorPrimitives = 4;
+
+/// The paper's best tile resolution for coherent rays (section 3.4).
+float optimal_resolution(float rho) { return std::max(8.0f, 5.76f * std::log(rho) - 42.99f); }
+
+struct LevelRule {
+  float rho = 0;  ///< per scan unit squared
+  float alpha = 0;
+  float largest_tile = 0;
+
+  bool wants_split(const PartitionNode& node) const {
+    const float texels = rho * node.sums.area;
+    if (tile_resolution(node, rho) > largest_tile) return true;
+    if (node.count() <= kFloorPrimitives || texels <= kFloorTexels) return false;
+    return node.projected_area() < alpha * node.sums.area;
+  }
+};
+
+Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const TileTexels& texels,
+                   bool has_colors) {
+  Level level;
+  level.name = config.name;
+  level.rho = config.rho;
+  level.alpha = config.alpha;
+  level.phi_degrees = config.phi_degrees;
+  const AtlasSize size = pack_tiles(tiles);
+  level.atlas_width = size.width;
+  level.atlas_height = size.height;
+  level.layers.push_back({"height", 1, assemble_layer(tiles, texels.heights, size)});
+  level.layers.push_back({"normal", 1, assemble_layer(tiles, texels.normals, size)});
+  if (has_colors) level.layers.push_back({"color", 1, assemble_layer(tiles, texels.colors, size)});
+
+  std::vector<Bounds3f> boxes(tiles.size());
+  for (std::size_t k = 0; k < tiles.size(); ++k) boxes[k] = tiles[k].bounds;
+  TopTree tree = build_top_tree(boxes);
+  level.nodes = std::move(tree.nodes);
+  for (const std::uint32_t k : tree.order) {
+    level.leaves.push_back(tiles[k].leaf);
+    level.bounds.add(tiles[k].bounds);
+    level.texels_used += tiles[k].texels_used;
+  }
+  return level;
+}
+
+}  // namespace
+
+const std::vector<LevelConfig>& standard_levels() {
+  static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45},
+                                                  {"Q1", 1e6f, 0.80f, 50},
+                                                  {"Q2", 512e3f, 0.75f, 55},
+                                                  {"Q3", 128e3f, 0.70f, 60},
+                                                  {"Q4", 32e3f, 0.65f, 65}};
+  return levels;
+}
+
+Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& config, const Progress& progress,
+                BuildTimings* timings) {
+  BuildTimings local;
+  BuildTimings& time = timings != nullptr ? *timings : local;
+  time = {};
+  double start = now();
+  const auto lap = [&](double& phase) {
+    const double t = now();
+    phase += t - start;
+    start = t;
+  };
+  report(progress, "upload", 0);
+  const Primitives primitives = upload_primitives(device, scan);
+  Partition partition = make_root(primitives);
+  const float area = partition.nodes[0].sums.area;
+  if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
+  lap(time.upload);
+
+  std::vector<LevelRule> rules;
+  for (const LevelConfig& level : config.levels)
+    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho)});
+  const auto any_level_splits = [&](const PartitionNode& node) {
+    return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& r) { return r.wants_split(node); });
+  };
+  if (any_level_splits(partition.nodes[0]))
+    split_nodes(partition, primitives, {0}, any_level_splits, progress);
+  lap(time.partition);
+
+  Rbvh rbvh;
+  for (std::size_t i = 0; i < config.levels.size(); ++i) {
+    const double level_start = now();
+    const LevelRule& rule = rules[i];
+    report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
+    std::vector<Tile> tiles;
+    TileTexels texels;
+    // The level's leaves, then the children of those whose tile turned out faulty, until all is well or
+    // small.
+    std::vector<std::uint32_t> leaves, open = {0};
+    while (!open.empty()) {
+      const std::uint32_t n = open.back();
+      open.pop_back();
+      const PartitionNode& node = partition.nodes[n];
+      if (node.left >= 0 && rule.wants_split(node)) {
+        open.push_back(static_cast<std::uint32_t>(node.left) + 1);
+        open.push_back(static_cast<std::uint32_t>(node.left));
+      } else {
+        leaves.push_back(n);
+      }
+    }
+    while (!leaves.empty()) {
+      RasterConfig raster{.rho = rule.rho};
+      if (primitives.discs)
+        raster.layer_gap = std::max(raster.layer_gap, 4 * primitives.mean_radius * std::sqrt(rule.rho));
+      std::vector<Tile> done = rasterize_tiles(primitives, partition, leaves, raster, texels);
+      lap(time.rasterize);
+      leaves.clear();
+      std::vector<std::uint32_t> to_split;
+      for (const Tile& tile : done) {
+        const PartitionNode& node = partition.nodes[tile.node];
+        if (tile.is_faulty && node.count() > 1 && rule.rho * node.sums.area > kFaultFloorTexels) {
+          if (node.left < 0) to_split.push_back(tile.node);
+          leaves.push_back(tile.node);
+        } else {
+          tiles.push_back(tile);
+        }
+      }
+      split_nodes(partition, primitives, to_split, [](const PartitionNode&) { return false; });
+      std::vector<std::uint32_t> children;
+      for (const std::uint32_t n : leaves) {
+        children.push_back(static_cast<std::uint32_t>(partition.nodes[n].left));
+        children.push_back(static_cast<std::uint32_t>(partition.nodes[n].left) + 1);
+      }
+      leaves = std::move(children);
+      lap(time.partition);
+    }
+    rbvh.levels.push_back(finish_level(config.levels[i], tiles, texels, primitives.has_colors));
+    lap(time.pack);
+    time.levels.push_back({config.levels[i].name, now() - level_start});
+  }
+  report(progress, "tiles", 1);
+  rbvh.source.vertices = scan.positions.size();
+  rbvh.source.triangles = scan.triangles.size();
+  rbvh.source.area = area;
+  rbvh.source.shift = scan.shift;
+  rbvh.source.bounds = bounds(scan);
+  return rbvh;
+}
+
+}  // namespace rbvh

@@ -1,0 +1,150 @@
+#include "pipeline/rbvh/partition.h"
+
+#include <numeric>
+
+#include "pipeline/base/error.h"
+
+namespace rbvh {
+namespace {
+
+constexpr std::uint32_t kRunLength = 1024;
+
+void add(PrimitiveSums& to, const PrimitiveSums& from) {
+  if (from.count == 0) return;
+  if (to.count == 0) {
+    to = from;
+    return;
+  }
+  for (int k = 0; k < 3; ++k) {
+    to.lo[k] = std::min(to.lo[k], from.lo[k]);
+    to.hi[k] = std::max(to.hi[k], from.hi[k]);
+    to.area_normal[k] += from.area_normal[k];
+  }
+  to.area += from.area;
+  to.count += from.count;
+}
+
+SplitPlane spatial_median(const PartitionNode& node) {
+  const Bounds3f b = node.bounds();
+  const Vec3f e = b.extent();
+  const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
+  return {axis, b.center()[axis], node.begin + node.count() / 2};
+}
+
+}  // namespace
+
+void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
+                 std::uint32_t run_length) {
+  for (std::uint32_t at = begin; at < end; at += std::min(run_length, end - at))
+    runs.push_back({owner, at, at + std::min(run_length, end - at)});
+}
+
+Partition make_root(const Primitives& primitives) {
+  const Device& device = primitives.device;
+  std::vector<std::uint32_t> identity(primitives.count);
+  std::iota(identity.begin(), identity.end(), 0u);
+  Partition partition{.nodes = {}, .references = Buffer<std::uint32_t>(device, identity)};
+  std::vector<Run> runs;
+  append_runs(runs, 0, 0, primitives.count, kRunLength);
+  const Buffer<PrimitiveSums> sums(device, runs.size());
+  device.kernel("partition", "partition_reduce")
+      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
+           static_cast<std::uint32_t>(runs.size()), partition.references, primitives.box_lo,
+           primitives.box_hi, primitives.area_normal, sums);
+  PartitionNode root{.sums = {}, .begin = 0, .end = primitives.count, .left = -1};
+  for (const PrimitiveSums& s : sums.read()) add(root.sums, s);
+  partition.nodes.push_back(root);
+  return partition;
+}
+
+void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
+                 const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress) {
+  const Device& device = primitives.device;
+  const std::size_t group = job_group_size(device);
+  const Kernel choose = device.kernel("partition", "partition_choose");
+  const Kernel scatter = device.kernel("partition", "partition_scatter");
+  const Kernel copy = device.kernel("partition", "partition_copy");
+  const Buffer<std::uint8_t> sides(device, primitives.count);
+  const Buffer<std::uint32_t> moved(device, primitives.count);
+  std::vector<PartitionNode>& nodes = partition.nodes;
+  std::erase_if(active, [&](std::uint32_t n) { return nodes[n].count() < 2; });
+
+  while (!active.empty()) {
+    std::vector<Run> runs;
+    std::vector<SplitPlane> planes(active.size());
+    for (std::uint32_t k = 0; k < active.size(); ++k) {
+      const PartitionNode& node = nodes[active[k]];
+      RBVH_CHECK(node.left < 0);
+      planes[k] = spatial_median(node);
+      append_runs(runs, k, node.begin, node.end, kRunLength);
+    }
+    const auto run_count = static_cast<std::uint32_t>(runs.size());
+    const Buffer<Run> device_runs(device, runs);
+    const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
+    std::vector<PrimitiveSums> sums(2 * runs.size());
+    const auto choose_sides = [&] {
+      choose.run(runs.size(), group, device_runs, run_count, Buffer<SplitPlane>(device, planes),
+                 partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal, sides,
+                 device_sums);
+      device_sums.read(sums);
+    };
+    std::vector<PrimitiveSums> children(2 * active.size());
+    const auto sum_children = [&] {
+      children.assign(children.size(), {});
+      for (std::size_t r = 0; r < runs.size(); ++r) {
+        add(children[2 * runs[r].owner], sums[2 * r]);
+        add(children[2 * runs[r].owner + 1], sums[2 * r + 1]);
+      }
+    };
+    choose_sides();
+    sum_children();
+    // Where all centres lie on one side of the plane, half of the references go each way.
+    bool any_stuck = false;
+    for (std::size_t k = 0; k < active.size(); ++k)
+      if (children[2 * k].count == 0 || children[2 * k + 1].count == 0) {
+        planes[k].axis = 3;
+        any_stuck = true;
+      }
+    if (any_stuck) {
+      choose_sides();
+      sum_children();
+    }
+
+    std::vector<std::uint32_t> targets(2 * runs.size());
+    std::uint32_t at[2] = {0, 0};
+    for (std::size_t r = 0; r < runs.size(); ++r) {
+      const PartitionNode& node = nodes[active[runs[r].owner]];
+      if (runs[r].begin == node.begin) {
+        at[0] = node.begin;
+        at[1] = node.begin + children[2 * runs[r].owner].count;
+      }
+      for (std::uint32_t side = 0; side < 2; ++side) {
+        targets[2 * r + side] = at[side];
+        at[side] += sums[2 * r + side].count;
+      }
+    }
+    scatter.run(runs.size(), group, device_runs, run_count, Buffer<std::uint32_t>(device, targets),
+                partition.references, sides, moved);
+    copy.run(runs.size(), group, device_runs, run_count, moved, partition.references);
+
+    std::vector<std::uint32_t> next;
+    for (std::size_t k = 0; k < active.size(); ++k) {
+      const auto left = static_cast<std::uint32_t>(nodes.size());
+      PartitionNode& node = nodes[active[k]];
+      node.left = static_cast<std::int32_t>(left);
+      const std::uint32_t begin = node.begin, end = node.end, middle = begin + children[2 * k].count;
+      nodes.push_back({children[2 * k], begin, middle, -1});
+      nodes.push_back({children[2 * k + 1], middle, end, -1});
+      for (std::uint32_t child = left; child < left + 2; ++child)
+        if (nodes[child].count() >= 2 && wants_split(nodes[child])) next.push_back(child);
+    }
+    active = std::move(next);
+    std::size_t left_to_do = 0;
+    for (const std::uint32_t n : active) left_to_do += nodes[n].count();
+    report(progress, "partition",
+           1.0 - static_cast<double>(left_to_do) / static_cast<double>(std::max(1u, primitives.count)));
+  }
+  device.finish();
+}
+
+}  // namespace rbvh

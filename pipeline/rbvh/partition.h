@@ -1,0 +1,48 @@
+// The tree over primitives (section 6 of the paper): breadth-first, spatial median of the longest axis, on
+// the device. Where a node ends up as a leaf depends on the level; one tree serves all levels, each being a
+// cut through it.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "kernels/layout.h"
+#include "pipeline/base/progress.h"
+#include "pipeline/rbvh/primitives.h"
+
+namespace rbvh {
+
+/// references[begin, end) are the node's primitives, in Morton order.
+struct PartitionNode {
+  PrimitiveSums sums{};
+  std::uint32_t begin = 0, end = 0;
+  std::int32_t left = -1;  ///< index of the left child, the right one follows; -1: not split (yet)
+
+  std::uint32_t count() const { return end - begin; }
+  float projected_area() const {
+    const float* n = sums.area_normal;
+    return std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  }
+  Bounds3f bounds() const {
+    return {{sums.lo[0], sums.lo[1], sums.lo[2]}, {sums.hi[0], sums.hi[1], sums.hi[2]}};
+  }
+};
+
+/// The tree so far. Node 0 is the root.
+struct Partition {
+  std::vector<PartitionNode> nodes;
+  Buffer<std::uint32_t> references;  ///< indices into Primitives
+};
+
+/// Cuts [begin, end) into runs of at most `job_run_length` references.
+void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
+                 std::uint32_t run_length);
+
+Partition make_root(const Primitives& primitives);
+
+/// Splits the given nodes, then their children as long as `wants_split` says so. A node of one primitive is
+/// never split.
+void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
+                 const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
+
+}  // namespace rbvh

@@ -1,0 +1,78 @@
+#include "pipeline/rbvh/primitives.h"
+
+#include "pipeline/base/error.h"
+#include "pipeline/device/radix_sort.h"
+#include "pipeline/scan/radii.h"
+#include "pipeline/scan/vertex_normals.h"
+
+namespace rbvh {
+namespace {
+
+template <class T>
+std::span<const float> floats(const std::vector<T>& values) {
+  return {reinterpret_cast<const float*>(values.data()), values.size() * sizeof(T) / sizeof(float)};
+}
+
+std::vector<std::uint32_t> pack_colors(const std::vector<Color8>& colors) {
+  std::vector<std::uint32_t> packed(colors.size());
+  for (std::size_t i = 0; i < colors.size(); ++i)
+    packed[i] = colors[i][0] | static_cast<std::uint32_t>(colors[i][1]) << 8 |
+                static_cast<std::uint32_t>(colors[i][2]) << 16;
+  return packed;
+}
+
+}  // namespace
+
+std::size_t job_group_size(const Device& device) { return device.info().is_cpu ? 1 : 64; }
+
+Primitives upload_primitives(const Device& device, const Scan& scan) {
+  Primitives p{.device = device, .discs = scan.is_cloud()};
+  const std::size_t vertices = scan.positions.size();
+  const std::size_t count = p.discs ? vertices : scan.triangles.size();
+  RBVH_CHECK(!p.discs || (scan.normals.size() == vertices && scan.radii.size() == vertices));
+  p.count = static_cast<std::uint32_t>(count);
+  const Buffer<float> positions(device, floats(scan.positions));
+  p.indices =
+      p.discs
+          ? Buffer<std::uint32_t>(device, 1)
+          : Buffer<std::uint32_t>(
+                device, std::span(reinterpret_cast<const std::uint32_t*>(scan.triangles.data()), 3 * count));
+  p.normals = Buffer<float>(device, floats(scan.normals.empty() ? vertex_normals(scan) : scan.normals));
+  p.has_colors = !scan.colors.empty();
+  p.colors = p.has_colors ? Buffer<std::uint32_t>(device, pack_colors(scan.colors))
+                          : Buffer<std::uint32_t>(device, 1);
+
+  const std::size_t group = device.info().is_cpu ? 256 : 64;
+  const Bounds3f box = bounds(scan);
+  const auto cells = [](float extent) { return extent > 0 ? 1024.0f / extent : 0.0f; };
+  const Vec3f e = box.extent();
+  Buffer<std::uint32_t> codes(device, count);
+  p.order = Buffer<std::uint32_t>(device, count);
+  device.kernel("primitives", "primitives_morton")
+      .run(count, group, positions, p.indices, p.discs ? 1u : 3u, p.count,
+           Float4{box.lo.x, box.lo.y, box.lo.z, 0}, Float4{cells(e.x), cells(e.y), cells(e.z), 0}, codes,
+           p.order);
+  radix_sort(device, codes, p.order, count, 30);
+
+  p.shape = Buffer<float>(device, 9 * count);
+  p.box_lo = Buffer<Float4>(device, count);
+  p.box_hi = Buffer<Float4>(device, count);
+  p.area_normal = Buffer<Float4>(device, count);
+  if (p.discs) {
+    const Buffer<float> radii(device, scan.radii);
+    double sum = 0;
+    for (const float r : scan.radii) sum += r;
+    p.mean_radius = static_cast<float>(sum / static_cast<double>(count));
+    device.kernel("primitives", "primitives_discs")
+        .run(count, group, positions, p.normals, radii, 1.0f / kRadiusPerSpacing, p.order, p.count, p.shape,
+             p.box_lo, p.box_hi, p.area_normal);
+  } else {
+    device.kernel("primitives", "primitives_triangles")
+        .run(count, group, positions, p.indices, p.order, p.count, p.shape, p.box_lo, p.box_hi,
+             p.area_normal);
+  }
+  device.finish();
+  return p;
+}
+
+}  // namespace rbvh

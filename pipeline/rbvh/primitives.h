@@ -1,0 +1,33 @@
+// A scan's primitives on the device, in Morton order, as the partition and the rasteriser read them.
+#pragma once
+
+#include "pipeline/device/device.h"
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+struct Float4 {
+  float x, y, z, w;
+};
+
+struct Primitives {
+  Device device;
+  bool discs = false;
+  std::uint32_t count = 0;
+  Buffer<std::uint32_t> order;    ///< Morton order -> index in the scan
+  Buffer<std::uint32_t> indices;  ///< 3 vertices a triangle, in the scan's order; one dummy for discs
+  Buffer<float> shape;            ///< 9 floats each (kernels/primitives.cl)
+  Buffer<Float4> box_lo;          ///< w: area
+  Buffer<Float4> box_hi, area_normal;
+  Buffer<float> normals;         ///< 3 per vertex, unit
+  Buffer<std::uint32_t> colors;  ///< 0xBBGGRR per vertex; one dummy without colours
+  bool has_colors = false;
+  float mean_radius = 0;  ///< of the discs
+};
+
+/// The work-group size that suits the device's one-work-item-one-job kernels.
+std::size_t job_group_size(const Device& device);
+
+Primitives upload_primitives(const Device& device, const Scan& scan);
+
+}  // namespace rbvh

@@ -1,0 +1,47 @@
+// Tiles: the oriented rectangle of a leaf's primitives, rasterised into heights and further signals on the
+// device.
+#pragma once
+
+#include <vector>
+
+#include "kernels/layout.h"
+#include "pipeline/rbvh/partition.h"
+#include "pipeline/rbvh/primitives.h"
+
+namespace rbvh {
+
+/// A finished tile. Texels row by row, width * height of them.
+struct Tile {
+  std::uint32_t node = 0;  ///< in the partition
+  RbvhLeaf leaf{};         ///< all but its place in the atlas
+  Bounds3f bounds;         ///< what a ray must touch to be tested against the tile
+  std::uint32_t texels_used = 0;
+  std::size_t first_texel = 0;  ///< in TileTexels
+  bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
+};
+
+/// The texels of many tiles, one after the other.
+struct TileTexels {
+  std::vector<std::uint16_t> heights, normals, colors;
+};
+
+struct RasterConfig {
+  float rho = 0;         ///< texels per unit of area, scan units: the paper's rho / total area
+  float reach = 1.25;       ///< texels that a tile reaches past its primitives
+  float layer_gap = 2;   ///< two coverings of a texel further apart (texels) are two layers
+  float step_limit = 8;  ///< neighbouring texels further apart in height (texels) are two surfaces
+};
+
+/// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.
+inline constexpr float kStepLimitTexels = 8;
+
+/// The paper's R = sqrt(rho A^2 / A_projected): the side of a square tile in texels. Folded noise is not
+/// allowed to inflate it without bound.
+float tile_resolution(const PartitionNode& node, float rho);
+
+/// Rasterises the given nodes; texels are appended.
+std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
+                                  const std::vector<std::uint32_t>& nodes, const RasterConfig& config,
+                                  TileTexels& texels);
+
+}  // namespace rbvh

@@ -1,0 +1,89 @@
+#include "pipeline/rbvh/trace_rbvh.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/tile.h"
+#include "pipeline/rbvh/wide_nodes.h"
+
+namespace rbvh {
+namespace {
+
+constexpr std::uint32_t kStack = 192;  ///< entries of the kernels' traversal stacks
+
+/// A tile as kernels/trace_rbvh.cl reads it.
+struct DeviceTile {
+  float to_tile[12];
+  std::uint32_t offset;
+  std::uint16_t width, height;
+  float step_limit;
+  std::uint32_t unused;
+};
+static_assert(sizeof(DeviceTile) == 64);
+
+std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
+
+float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
+
+}  // namespace
+
+RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
+  RBVH_CHECK(!level.leaves.empty() && !level.layers.empty());
+  RbvhTracer tracer{.device = device, .nodes8 = {}, .nodes16 = {}, .leaves = {}, .heights = {}};
+  const WideNodes eight = flatten_wide(level.nodes, 8), sixteen = flatten_wide(level.nodes, 16);
+  if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
+    throw Error(ExitCode::kInput, "", "the hierarchy is too deep to trace; build the pair again");
+  tracer.nodes8 = Buffer<std::uint32_t>(device, eight.words);
+  tracer.nodes16 = Buffer<std::uint32_t>(device, sixteen.words);
+
+  // Tile by tile, so that a march stays within a few cache lines.
+  std::vector<std::uint32_t> leaves;
+  std::vector<std::uint16_t> heights;
+  const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
+  for (const RbvhLeaf& leaf : level.leaves) {
+    DeviceTile tile{};
+    std::copy_n(leaf.to_tile, 12, tile.to_tile);
+    tile.offset = static_cast<std::uint32_t>(heights.size());
+    tile.width = leaf.width;
+    tile.height = leaf.height;
+    tile.step_limit = kStepLimitTexels * row_length(leaf.to_tile + 8) / row_length(leaf.to_tile);
+    const auto words = std::bit_cast<std::array<std::uint32_t, 16>>(tile);
+    leaves.insert(leaves.end(), words.begin(), words.end());
+    for (std::size_t y = 0; y < leaf.height; ++y) {
+      const auto row = atlas.begin() + static_cast<std::ptrdiff_t>((leaf.y + y) * level.atlas_width + leaf.x);
+      heights.insert(heights.end(), row, row + leaf.width);
+    }
+  }
+  heights.push_back(0);  // the kernels may read one texel past the last
+  tracer.leaves = Buffer<std::uint32_t>(device, leaves);
+  tracer.heights = Buffer<std::uint16_t>(device, heights);
+  return tracer;
+}
+
+void trace_rays(const RbvhTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                RayQuery query, const Buffer<std::uint32_t>* steps) {
+  const Buffer<std::uint32_t> none = steps != nullptr ? *steps : Buffer<std::uint32_t>(tracer.device, 1);
+  tracer.device.kernel("trace_rbvh", "trace_rbvh_rays", options())
+      .run(count, 64, tracer.nodes16, tracer.leaves, tracer.heights, rays, static_cast<std::uint32_t>(count),
+           query == RayQuery::kAny ? 1u : 0u, hits, none, steps != nullptr ? 1u : 0u);
+}
+
+void trace_camera(const RbvhTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
+                  const Buffer<std::uint32_t>* steps) {
+  const Buffer<std::uint32_t> none = steps != nullptr ? *steps : Buffer<std::uint32_t>(tracer.device, 1);
+  const auto blocks = [](std::uint32_t pixels, std::uint32_t side) {
+    return static_cast<std::size_t>((pixels + side - 1) / side);
+  };
+  if (tracer.device.info().is_cpu)
+    tracer.device.kernel("trace_rbvh", "trace_rbvh_packets", options())
+        .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, tracer.nodes8, tracer.leaves,
+             tracer.heights, camera, hits, none, steps != nullptr ? 1u : 0u);
+  else
+    tracer.device.kernel("trace_rbvh", "trace_rbvh_pixels", options())
+        .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, tracer.nodes16, tracer.leaves,
+             tracer.heights, camera, hits, none, steps != nullptr ? 1u : 0u);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,56 @@
+#include "pipeline/scan/scan.h"
+
+#include <utility>
+
+namespace rbvh {
+namespace {
+
+/// Coordinates shift only where they are this many diagonals away: float then has fewer than 20 of its 24
+/// bits for the shape.
+constexpr double kShiftDiagonals = 16;
+
+/// Whole units, or for a scan smaller than a unit a power of two below its diagonal: both print exactly.
+double shift_grain(double diagonal) {
+  if (diagonal >= 1) return 1;
+  return std::exp2(std::floor(std::log2(diagonal)));
+}
+
+}  // namespace
+
+Bounds3f bounds(const Scan& scan) {
+  Bounds3f box;
+  for (const Vec3f& p : scan.positions)
+    if (is_finite(p)) box.add(p);
+  return box;
+}
+
+Scan shift_to_float(RawScan&& raw) {
+  Bounds3d box;
+  for (const Vec3d& p : raw.positions)
+    if (is_finite(p)) box.add(p);
+  Vec3d shift{};
+  if (!box.empty()) {
+    const double diagonal = box.diagonal();
+    double largest = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      largest = std::max({largest, std::abs(box.lo[axis]), std::abs(box.hi[axis])});
+    if (diagonal > 0 && largest > kShiftDiagonals * diagonal) {
+      const double grain = shift_grain(diagonal);
+      const Vec3d centre = box.center();
+      for (int axis = 0; axis < 3; ++axis) shift[axis] = std::round(centre[axis] / grain) * grain;
+    }
+  }
+
+  Scan scan;
+  scan.positions.resize(raw.positions.size());
+  for (std::size_t i = 0; i < raw.positions.size(); ++i)
+    scan.positions[i] = static_cast<Vec3f>(raw.positions[i] - shift);
+  raw.positions = {};
+  static_cast<ScanAttributes&>(scan) = std::move(static_cast<ScanAttributes&>(raw));
+  scan.shift = raw.shift + shift;
+  scan.has_viewpoint = raw.has_viewpoint;
+  if (raw.has_viewpoint) scan.viewpoint = static_cast<Vec3f>(raw.viewpoint - shift);
+  return scan;
+}
+
+}  // namespace rbvh
