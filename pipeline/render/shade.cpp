@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/render/camera.h"
 #include "pipeline/scan/vertex_normals.h"
 
 namespace rbvh {
