@@ -76,7 +76,7 @@ class ObjReader {
     int count = 0;
     for (std::string_view word; !(word = words.word()).empty() && word[0] != '#';) {
       double value = 0;
-      if (parse_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
+      if (read_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
         line_start_.fail(shown(word) + " is not a number");
       if (count < most) out[count] = value;
       ++count;

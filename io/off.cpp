@@ -112,7 +112,7 @@ class OffReader {
       TextCursor words(line_, *in_.file);
       for (std::string_view word; !(word = words.word()).empty(); ++count) {
         if (count == 16) line_start_.fail("a vertex of more than 16 numbers");
-        if (parse_number(word.data(), word.data() + word.size(), values[count]) != word.data() + word.size())
+        if (read_number(word.data(), word.data() + word.size(), values[count]) != word.data() + word.size())
           line_start_.fail(shown(word) + " is not a number in vertex " + std::to_string(i));
       }
       if (columns < 0) {

@@ -46,7 +46,7 @@ void parse_viewpoint(TextCursor& words, Header& header) {
   int count = 0;
   for (double& value : values) {
     const std::string_view word = words.word();
-    if (word.empty() || !parse_number(word.data(), word.data() + word.size(), value)) break;
+    if (word.empty() || !read_number(word.data(), word.data() + word.size(), value)) break;
     ++count;
   }
   header.viewpoint = {values[0], values[1], values[2]};
@@ -308,7 +308,7 @@ class PcdReader {
           const std::string_view word = words.word();
           double value = 0;
           if (word.empty()) at.fail("point " + std::to_string(point) + " has too few values");
-          if (parse_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
+          if (read_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
             at.fail(shown(word) + " is not a number in point " + std::to_string(point));
           store(f, point, value);
         }

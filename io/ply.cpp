@@ -87,7 +87,7 @@ void parse_comment(TextCursor& words, Header& header) {
   Vec3d shift;
   for (int axis = 0; axis < 3; ++axis) {
     const std::string_view word = words.word();
-    if (!parse_number(word.data(), word.data() + word.size(), shift[axis])) return;
+    if (!read_number(word.data(), word.data() + word.size(), shift[axis])) return;
   }
   if (is_finite(shift)) header.shift = shift;
 }
@@ -166,7 +166,7 @@ class AsciiSource {
   double number(Type) {
     in_.skip_spaces();
     double value = 0;
-    const char* end = parse_number(in_.at, in_.end, value);
+    const char* end = read_number(in_.at, in_.end, value);
     if (!end || (end < in_.end && !is_space(*end))) bad_word("a number");
     in_.at = end;
     return value;

@@ -76,7 +76,7 @@ RawScan read_ascii(std::string_view bytes, const std::string& file) {
     const std::string_view word = in.word();
     double value = 0;
     if (word.empty()) in.fail("the file is cut in a vertex");
-    if (parse_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
+    if (read_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
       start.fail(shown(word) + " is not a number");
     return value;
   };

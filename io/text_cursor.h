@@ -18,7 +18,7 @@ inline bool is_space(char c) { return is_blank(c) || is_line_end(c); }
 
 /// Parses a number at `first`; returns the end of it, or nullptr when there is none. Takes a leading '+',
 /// "nan", "inf" and the "1.#QNAN" of old Windows programs; too large becomes infinite, too small zero.
-inline const char* parse_number(const char* first, const char* last, double& value) {
+inline const char* read_number(const char* first, const char* last, double& value) {
   const bool plus = first < last && *first == '+';
   if (plus && last - first > 1 && first[1] == '-') return nullptr;
   auto [end, error] = std::from_chars(first + (plus ? 1 : 0), last, value);

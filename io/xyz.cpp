@@ -183,7 +183,7 @@ class XyzReader {
       cell = replaced_;
     }
     return !cell.empty() &&
-           parse_number(cell.data(), cell.data() + cell.size(), value) == cell.data() + cell.size();
+           read_number(cell.data(), cell.data() + cell.size(), value) == cell.data() + cell.size();
   }
 
   void point(std::string_view line) {
@@ -318,7 +318,7 @@ bool is_xyz(std::string_view bytes) {
     int numbers = 0;
     for (const std::string_view cell : cells) {
       double value = 0;
-      if (cell.empty() || !parse_number(cell.data(), cell.data() + cell.size(), value)) break;
+      if (cell.empty() || !read_number(cell.data(), cell.data() + cell.size(), value)) break;
       ++numbers;
     }
     if (numbers >= 3) return true;

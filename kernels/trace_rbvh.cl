@@ -43,12 +43,17 @@ inline float any_hi(float16 v) {
   const float2 c = max(b.lo, b.hi);
   return max(c.x, c.y);
 }
-inline int any16(int16 m) {
-  const int8 a = m.lo | m.hi;
-  const int4 b = a.lo | a.hi;
-  const int2 c = b.lo | b.hi;
-  return (c.x | c.y) != 0;
+
+// A comparison's lanes as bits, and sixteen scattered texels. OpenCL C has no word for either; where the compiler is
+// clang for AVX-512 (PoCL), its own words are one instruction each.
+#if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
+inline uint bits8(int8 m) { return (uchar)__builtin_ia32_cvtd2mask256(m); }
+inline uint bits16(int16 m) { return (ushort)__builtin_ia32_cvtd2mask512(m); }
+// Reads two texels a lane, so the buffer is one longer than the tiles need.
+inline int16 gather16(__global const ushort* p, int16 i) {
+  return __builtin_ia32_gathersiv16si((int16)(0), (const void*)(size_t)p, i, (ushort)0xffff, 2) & 0xffff;
 }
+#else
 inline uint bits8(int8 m) {
   const int8 b = m & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
   const int4 c = b.lo | b.hi;
@@ -56,12 +61,12 @@ inline uint bits8(int8 m) {
   return (uint)(d.x | d.y);
 }
 inline uint bits16(int16 m) { return bits8(m.lo) | (bits8(m.hi) << 8); }
-inline uint first_bit(uint m) { return 31u - clz(m & (0u - m)); }
-
 inline int16 gather16(__global const ushort* p, int16 i) {
   return (int16)(p[i.s0], p[i.s1], p[i.s2], p[i.s3], p[i.s4], p[i.s5], p[i.s6], p[i.s7], p[i.s8], p[i.s9], p[i.sa],
                  p[i.sb], p[i.sc], p[i.sd], p[i.se], p[i.sf]);
 }
+#endif
+inline uint first_bit(uint m) { return 31u - clz(m & (0u - m)); }
 
 // The bilinear height of a patch, NaN where a corner is missing.
 inline float patch_height(__global const ushort* p, int width, int height, float u, float v) {
@@ -322,7 +327,7 @@ inline void march_packet(__global const Tile* tile, __global const ushort* heigh
   const float16 t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), (float16)(0.0f)));
   const float16 t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), rays->t));
   int16 active = t0 <= t1;
-  if (!any16(active)) return;
+  if (bits16(active) == 0u) return;
 
   const int16 along_u = fabs(du) >= fabs(dv);
   float16 d_major = select(dv, du, along_u);
@@ -352,7 +357,7 @@ inline void march_packet(__global const Tile* tile, __global const ushort* heigh
     const float16 D_line = select((float16)(NAN), gap, solid);
     const int16 crossed = (D * D_line <= 0.0f) & active;
     *steps += 1;
-    if (any16(crossed)) {
+    if (bits16(crossed) != 0u) {
       const float16 slope = (D_line - D) / (t_line - t);
       const float16 secant = t - D / slope;
       const float16 u = ou + du * secant, v = ov + dv * secant;
@@ -371,7 +376,7 @@ inline void march_packet(__global const Tile* tile, __global const ushort* heigh
       active &= ~taken;
     }
     active &= t_line < t1;
-    if (!any16(active)) return;
+    if (bits16(active) == 0u) return;
     t = t_line;
     D = D_line;
     line += dir;

@@ -56,6 +56,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
       heights.insert(heights.end(), row, row + leaf.width);
     }
   }
+  heights.push_back(0);  // the kernels may read one texel past the last
   tracer.leaves = Buffer<std::uint32_t>(device, leaves);
   tracer.heights = Buffer<std::uint16_t>(device, heights);
   return tracer;
