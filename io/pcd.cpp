@@ -28,8 +28,7 @@ struct Header {
   bool has_width = false, has_points = false;
   std::size_t point_size = 0, point_values = 0;
   std::string data;
-  bool has_viewpoint = false, viewpoint_is_default = false;
-  Vec3d viewpoint{};
+  std::vector<Viewpoint> viewpoints;
 };
 
 std::uint64_t parse_count(const TextCursor& at, std::string_view word) {
@@ -49,10 +48,10 @@ void parse_viewpoint(TextCursor& words, Header& header) {
     if (word.empty() || !read_number(word.data(), word.data() + word.size(), value)) break;
     ++count;
   }
-  header.viewpoint = {values[0], values[1], values[2]};
-  header.has_viewpoint = count >= 3 && is_finite(header.viewpoint);
-  header.viewpoint_is_default =
-      header.viewpoint == Vec3d{} && values[3] == 1 && values[4] == 0 && values[5] == 0 && values[6] == 0;
+  const Vec3d position{values[0], values[1], values[2]};
+  if (count < 3 || !is_finite(position)) return;
+  const bool upright = values[3] == 1 && values[4] == 0 && values[5] == 0 && values[6] == 0;
+  header.viewpoints = {{.position = position, .is_default = position == Vec3d{} && upright}};
 }
 
 Header parse_header(TextCursor& in) {
@@ -182,9 +181,7 @@ class PcdReader {
     } else {
       read_compressed();
     }
-    scan_.has_viewpoint = header_.has_viewpoint;
-    scan_.viewpoint_is_default = header_.viewpoint_is_default;
-    scan_.viewpoint = header_.viewpoint;
+    scan_.viewpoints = std::move(header_.viewpoints);
     finish_colors();
     return std::move(scan_);
   }
@@ -351,8 +348,9 @@ class PcdReader {
     note_rest();
   }
 
+  /// Some writers fill the last page with zeros.
   void note_rest() {
-    if (!in_.at_end())
+    if (std::any_of(in_.at, in_.end, [](char c) { return c != 0; }))
       scan_.notes.push_back(std::to_string(in_.remaining()) +
                             " bytes follow the last point and were ignored");
   }

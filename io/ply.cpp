@@ -513,6 +513,7 @@ template <class Source>
 void read_camera(Source& in, const Element& element, RawScan& scan) {
   check_fits(in, element);
   int found = 0;
+  Vec3d position;
   for (in.place.index = 0; in.place.index < element.count; ++in.place.index)
     for (const Property& property : element.properties) {
       const std::string_view name = property.name;
@@ -520,12 +521,12 @@ void read_camera(Source& in, const Element& element, RawScan& scan) {
       if (axis < 0 || property.is_list || in.place.index > 0) {
         skip_property(in, property);
       } else {
-        scan.viewpoint[axis] = in.number(property.type);
+        position[axis] = in.number(property.type);
         ++found;
       }
     }
-  scan.has_viewpoint = found == 3 && is_finite(scan.viewpoint);
-  scan.viewpoint_is_default = scan.viewpoint == Vec3d{};
+  if (found == 3 && is_finite(position))
+    scan.viewpoints = {{.position = position, .is_default = position == Vec3d{}}};
 }
 
 template <class Source>

@@ -62,6 +62,24 @@ Reader reader_by_extension(const std::string& path) {
   return nullptr;
 }
 
+/// Binds viewpoints that hold for the whole of a scan to the object ids the scan has now, moved by `base`.
+void bind_viewpoints(RawScan& scan, std::int64_t lowest, std::int64_t largest, std::int64_t base,
+                     Vec3d move) {
+  for (Viewpoint& viewpoint : scan.viewpoints) {
+    const Viewpoint whole;
+    if (viewpoint.first_object == whole.first_object)
+      viewpoint.first_object = static_cast<std::int32_t>(lowest);
+    if (viewpoint.last_object == whole.last_object)
+      viewpoint.last_object = static_cast<std::int32_t>(largest);
+    viewpoint.first_object = static_cast<std::int32_t>(viewpoint.first_object + base);
+    viewpoint.last_object = static_cast<std::int32_t>(viewpoint.last_object + base);
+    viewpoint.position = viewpoint.position + move;
+  }
+}
+
+std::int64_t lowest_id(const RawScan& scan) {
+  return scan.object_ids.empty() ? 0 : *std::min_element(scan.object_ids.begin(), scan.object_ids.end());
+}
 std::int64_t largest_id(const RawScan& scan) {
   return scan.object_ids.empty() ? 0 : *std::max_element(scan.object_ids.begin(), scan.object_ids.end());
 }
@@ -144,11 +162,13 @@ void merge_scan(RawScan& all, RawScan&& scan) {
 
   const std::size_t elements = all.triangles.empty() ? count : all.triangles.size();
   const std::size_t more_elements = scan.triangles.empty() ? more : scan.triangles.size();
-  std::int64_t lowest = 0;
-  for (const std::int32_t id : scan.object_ids) lowest = std::min<std::int64_t>(lowest, id);
-  const std::int64_t base = largest_id(all) + 1 - lowest;
-  if (base + largest_id(scan) > std::numeric_limits<std::int32_t>::max())
+  const std::int64_t lowest = lowest_id(scan), largest = largest_id(scan);
+  const std::int64_t base = largest_id(all) + 1 - std::min<std::int64_t>(lowest, 0);
+  if (base + largest > std::numeric_limits<std::int32_t>::max())
     throw Error(ExitCode::kInput, "", "the object ids of the inputs are too large to be merged");
+  bind_viewpoints(all, lowest_id(all), largest_id(all), 0, {});
+  bind_viewpoints(scan, lowest, largest, base, move);
+  append(all.viewpoints, std::move(scan.viewpoints));
   all.object_ids.resize(elements, 0);
   scan.object_ids.resize(more_elements, 0);
   for (std::int32_t& id : scan.object_ids) id = static_cast<std::int32_t>(id + base);
@@ -158,8 +178,6 @@ void merge_scan(RawScan& all, RawScan&& scan) {
     for (std::uint32_t& corner : triangle) corner += static_cast<std::uint32_t>(count);
   append(all.triangles, std::move(scan.triangles));
   append(all.notes, std::move(scan.notes));
-  // Several sensors: no one of them is the viewpoint of the whole.
-  all.has_viewpoint = false;
 }
 
 }  // namespace rbvh

@@ -24,7 +24,7 @@ typedef struct Tile {
   uint offset;
   ushort width, height;
   float step_limit;  // in height quanta
-  uint unused;
+  float top;         // the largest height
 } Tile;
 
 // A direction component of zero becomes a tiny one, so that 1/d is finite and no slab test sees 0 * inf.
@@ -135,7 +135,7 @@ inline float march(__global const Tile* tile, __global const ushort* heights, fl
   const float iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
   const float ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
   const float va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
-  const float wa = (1.0f - ow) * iw, wb = (65535.0f - ow) * iw;
+  const float wa = (1.0f - ow) * iw, wb = (tile->top - ow) * iw;
   const float t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), tmin));
   const float t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), tmax));
   if (!(t0 <= t1)) return tmax;
@@ -323,7 +323,7 @@ inline void march_packet(__global const Tile* tile, __global const ushort* heigh
   const float16 iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
   const float16 ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
   const float16 va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
-  const float16 wa = (1.0f - ow) * iw, wb = (65535.0f - ow) * iw;
+  const float16 wa = (1.0f - ow) * iw, wb = (tile->top - ow) * iw;
   const float16 t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), (float16)(0.0f)));
   const float16 t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), rays->t));
   int16 active = t0 <= t1;

@@ -19,7 +19,7 @@ struct DeviceTile {
   std::uint32_t offset;
   std::uint16_t width, height;
   float step_limit;
-  std::uint32_t unused;
+  float top;  ///< the tile's largest height
 };
 static_assert(sizeof(DeviceTile) == 64);
 
@@ -49,12 +49,13 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
     tile.width = leaf.width;
     tile.height = leaf.height;
     tile.step_limit = kStepLimitTexels * row_length(leaf.to_tile + 8) / row_length(leaf.to_tile);
-    const auto words = std::bit_cast<std::array<std::uint32_t, 16>>(tile);
-    leaves.insert(leaves.end(), words.begin(), words.end());
     for (std::size_t y = 0; y < leaf.height; ++y) {
       const auto row = atlas.begin() + static_cast<std::ptrdiff_t>((leaf.y + y) * level.atlas_width + leaf.x);
       heights.insert(heights.end(), row, row + leaf.width);
+      tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
     }
+    const auto words = std::bit_cast<std::array<std::uint32_t, 16>>(tile);
+    leaves.insert(leaves.end(), words.begin(), words.end());
   }
   heights.push_back(0);  // the kernels may read one texel past the last
   tracer.leaves = Buffer<std::uint32_t>(device, leaves);

@@ -48,8 +48,7 @@ Scan shift_to_float(RawScan&& raw) {
   raw.positions = {};
   static_cast<ScanAttributes&>(scan) = std::move(static_cast<ScanAttributes&>(raw));
   scan.shift = raw.shift + shift;
-  scan.has_viewpoint = raw.has_viewpoint;
-  if (raw.has_viewpoint) scan.viewpoint = static_cast<Vec3f>(raw.viewpoint - shift);
+  for (Viewpoint& viewpoint : scan.viewpoints) viewpoint.position = viewpoint.position - shift;
   return scan;
 }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,15 @@ struct ScalarProperty {
   std::vector<float> values;  ///< one per vertex
 };
 
+/// Where the sensor of a cloud stood, in the positions' coordinates.
+struct Viewpoint {
+  Vec3d position{};
+  bool is_default = false;  ///< what writers put in who know of none: the origin of the file's coordinates
+  /// The points it belongs to, by object id; all of them unless scans were merged.
+  std::int32_t first_object = std::numeric_limits<std::int32_t>::min();
+  std::int32_t last_object = std::numeric_limits<std::int32_t>::max();
+};
+
 /// What every scan carries beside its positions. Per-vertex arrays are empty or as long as the positions.
 struct ScanAttributes {
   std::vector<Vec3f> normals;
@@ -27,25 +37,21 @@ struct ScanAttributes {
   std::vector<ScalarProperty> properties;
   std::vector<Triangle> triangles;  ///< empty: a cloud
   std::vector<std::int32_t>
-      object_ids;  ///< one per triangle (mesh) or per point (cloud), or empty: one object
+      object_ids;                     ///< one per triangle (mesh) or per point (cloud), or empty: one object
+  std::vector<Viewpoint> viewpoints;  ///< at most one for each file that was merged
 };
 
 /// A scan as a file has it, before its coordinates are made small enough for float.
 struct RawScan : ScanAttributes {
   std::vector<Vec3d> positions;
-  Vec3d shift{};  ///< already subtracted from the positions by an earlier ingest
-  bool has_viewpoint = false;
-  Vec3d viewpoint{};                  ///< where the sensor stood, in the positions' coordinates
-  bool viewpoint_is_default = false;  ///< the file has what writers put in who know of none: the origin
-  std::vector<std::string> notes;     ///< what the file has that a scan cannot hold, a sentence each
+  Vec3d shift{};                   ///< already subtracted from the positions by an earlier ingest
+  std::vector<std::string> notes;  ///< what the file has that a scan cannot hold, a sentence each
 };
 
 /// A scan in float: original coordinates are positions + shift.
 struct Scan : ScanAttributes {
   std::vector<Vec3f> positions;
   Vec3d shift{};
-  bool has_viewpoint = false;
-  Vec3f viewpoint{};
 
   bool is_cloud() const { return triangles.empty(); }
 };

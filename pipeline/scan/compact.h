@@ -1,0 +1,28 @@
+// Taking elements out of a scan while all its arrays stay in step.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+/// Keeps the vertices with a non-zero `keep`, in their order. Triangles that lose a corner go too. Returns
+/// the number of triangles that went.
+std::size_t keep_vertices(Scan& scan, std::span<const std::uint8_t> keep);
+
+/// Keeps the triangles with a non-zero `keep`, in their order.
+void keep_triangles(Scan& scan, std::span<const std::uint8_t> keep);
+
+/// Keeps the entries of `values` with a non-zero `keep`; an empty array stays empty.
+template <class T>
+void keep_entries(std::vector<T>& values, std::span<const std::uint8_t> keep) {
+  std::size_t to = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (keep[i]) values[to++] = values[i];
+  values.resize(to);
+}
+
+}  // namespace rbvh
