@@ -15,7 +15,7 @@ constexpr std::uint32_t kStack = 192;  ///< entries of the kernels' traversal st
 
 /// A tile as kernels/trace_rbvh.cl reads it.
 struct DeviceTile {
-  float to_tile[12];
+  float columns[12];  ///< of to_tile
   std::uint32_t offset;
   std::uint16_t width, height;
   float step_limit;
@@ -44,7 +44,8 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
   for (const RbvhLeaf& leaf : level.leaves) {
     DeviceTile tile{};
-    std::copy_n(leaf.to_tile, 12, tile.to_tile);
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 4; ++column) tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
     tile.offset = static_cast<std::uint32_t>(heights.size());
     tile.width = leaf.width;
     tile.height = leaf.height;
