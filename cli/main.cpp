@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -91,7 +90,6 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
 int main(int argc, char** argv) {
   using rbvh::ExitCode;
   rbvh::occupy_standard_streams();
-  std::signal(SIGPIPE, SIG_IGN);  // a reader that has gone is a failed write, reported like any other
   rbvh::install_interrupt_cleanup();
   rbvh::Context context;
   CLI::App app("Scans to rasterized bounding volume hierarchies: ingest, build, render.", "rbvh");

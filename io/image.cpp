@@ -16,7 +16,9 @@ namespace {
 constexpr float kJpegBackground = 0.82f;  // linear: a light grey
 constexpr int kJpegQuality = 92;
 
-std::uint8_t to_byte(float shown) { return static_cast<std::uint8_t>(std::clamp(shown, 0.f, 1.f) * 255 + 0.5f); }
+std::uint8_t to_byte(float shown) {
+  return static_cast<std::uint8_t>(std::clamp(shown, 0.f, 1.f) * 255 + 0.5f);
+}
 
 // What 8-bit formats get. Alpha is premultiplied in the picture; PNG wants it straight, JPEG has none.
 std::vector<std::uint8_t> to_bytes(const Image& image, std::size_t channels) {
@@ -53,7 +55,8 @@ ImageFormat image_format(const std::string& path) {
 
 void check_image_format(const std::string& path, ImageFormat format, Image::Kind kind) {
   if (kind == Image::Kind::kData && format != ImageFormat::kExr)
-    throw Error(ExitCode::kUsage, path, "only .exr holds these values unchanged; give a name that ends in .exr");
+    throw Error(ExitCode::kUsage, path,
+                "only .exr holds these values unchanged; give a name that ends in .exr");
 }
 
 void write_image(const std::string& path, const Image& image, bool overwrite) {
@@ -73,7 +76,8 @@ void write_image(const std::string& path, const Image& image, bool overwrite) {
   if (format == ImageFormat::kJpeg && channels == 4) channels = 3;
   OIIO::ImageSpec spec(width, height, static_cast<int>(channels),
                        format == ImageFormat::kExr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
-  spec.attribute("DateTime", "1970:01:01 00:00:00");  // or OpenImageIO puts the clock's, and no two files are equal
+  spec.attribute("DateTime",
+                 "1970:01:01 00:00:00");  // or OpenImageIO puts the clock's, and no two files are equal
   if (format == ImageFormat::kExr) {
     spec.channelnames = image.channels;
     spec.alpha_channel = -1;

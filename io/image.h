@@ -15,9 +15,9 @@ ImageFormat image_format(const std::string& path);
 /// Throws Error(kUsage) for pictures of data (Image::Kind::kData) in a format of 8 bits.
 void check_image_format(const std::string& path, ImageFormat format, Image::Kind kind);
 
-/// PNG: 8 bits a channel, straight alpha. JPEG: quality 92, no alpha: a light background shows through. EXR: 32-bit
-/// float channels under the picture's own names, ZIP. Written whole or not at all ("-": standard output). Throws
-/// Error(kFailure) where it cannot be, Error(kUsage) as above.
+/// PNG: 8 bits a channel, straight alpha. JPEG: quality 92, no alpha: a light background shows through. EXR:
+/// 32-bit float channels under the picture's own names, ZIP. Written whole or not at all ("-": standard
+/// output). Throws Error(kFailure) where it cannot be, Error(kUsage) as above.
 void write_image(const std::string& path, const Image& image, bool overwrite);
 
 }  // namespace rbvh

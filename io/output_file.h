@@ -28,6 +28,7 @@ class OutputFile {
   /// fsync and rename. Throws Error(kFailure).
   void commit();
   bool is_special() const { return is_special_; }
+  bool is_committed() const { return committed_; }
 
  private:
   friend void commit_all(std::span<OutputFile* const> files);

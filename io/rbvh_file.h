@@ -1,25 +1,47 @@
 // The file pair NAME.rbvh + NAME.atlas.tif (docs/file_format.md).
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "pipeline/rbvh/rbvh.h"
 
 namespace rbvh {
 
+/// Version of the format that write_rbvh() writes. read_rbvh() reads every minor version of this major one.
+inline constexpr std::uint16_t kFormatMajor = 1, kFormatMinor = 0;
+
 /// The atlas that belongs to an .rbvh path: beside it, by stem.
 std::string atlas_path(const std::string& rbvh_path);
 
-/// Reads and checks a pair: identifier, version, length, hash, verifier, every range, the atlas's hash and geometry.
-/// Hostile input is expected. Throws Error(kInput) naming the first fault in a sentence.
-Rbvh read_rbvh(const std::string& path);
+/// What stands in a pair beside its levels.
+struct PairHeader {
+  std::uint16_t major = 0, minor = 0;
+  std::uint64_t hierarchy_bytes = 0, hierarchy_hash = 0;
+  std::uint64_t atlas_bytes = 0, atlas_hash = 0;
+};
+
+/// Reads and checks a pair: identifier, length, hash, version, verifier, every range, the atlas's length,
+/// hash and geometry. Hostile input is expected. Throws Error(kInput) naming the first fault in a sentence.
+Rbvh read_rbvh(const std::string& path, PairHeader* header = nullptr);
+
+/// As read_rbvh, but of the hierarchy alone: layers have no texels yet. `path` is for messages.
+Rbvh decode_hierarchy(std::span<const std::byte> file, const std::string& path, PairHeader& header);
 
 struct RbvhBytes {
   std::uint64_t hierarchy = 0, atlas = 0;
+  std::vector<std::uint64_t>
+      levels;  ///< each level's nodes, leaves and layers; what is left are names and headers
 };
 
-/// Writes both files so that no moment shows an old hierarchy with a new atlas; both whole or neither. Identical
-/// input gives identical bytes. Throws Error(kFailure).
+/// Writes both files so that no moment shows an old hierarchy with a new atlas; both whole or neither.
+/// Identical input gives identical bytes. Throws Error(kFailure).
 RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite);
+
+/// Throws the same Error as write_rbvh() would for an output that cannot be, before any work is done.
+void check_rbvh_output(const std::string& path, bool overwrite);
 
 }  // namespace rbvh

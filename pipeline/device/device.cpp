@@ -343,6 +343,18 @@ Device Device::open(const std::string& choice) {
 
 const DeviceInfo& Device::info() const { return state_->info; }
 
+Device Device::as_gpu() const {
+  Device device;
+  device.state_ = std::make_shared<DeviceState>();
+  device.state_->info = state_->info;
+  device.state_->info.is_cpu = false;
+  device.state_->info.is_gpu = true;
+  device.state_->device = state_->device;
+  device.state_->context = state_->context;
+  device.state_->queue = state_->queue;
+  return device;
+}
+
 Kernel Device::kernel(std::string_view file, std::string_view entry, const std::string& options) const {
   const std::string name = std::string(file) + ".cl";
   Kernel kernel;

@@ -88,6 +88,9 @@ class Device {
 
   const DeviceInfo& info() const;
 
+  /// The same device, context and queue, but calling itself a GPU: runs the code meant for one where there is none.
+  Device as_gpu() const;
+
   /// The entry point `entry` of kernels/<file>.cl, built once per distinct `options` (further -D words).
   /// Files in the folder named by RBVH_KERNELS take the place of the embedded ones.
   Kernel kernel(std::string_view file, std::string_view entry, const std::string& options = {}) const;

@@ -1,7 +1,8 @@
-// Exact ray casting of a scan's triangles or discs on the device, through a binned-SAH BVH8 built on the host:
-// the picture everything else is compared with.
+// Exact ray casting of a scan's triangles or discs on the device, through a binned-SAH hierarchy built on the
+// host and flattened to 16-wide nodes: the picture everything else is compared with.
 #pragma once
 
+#include "kernels/exact_layout.h"
 #include "kernels/layout.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/trace_rbvh.h"
@@ -9,20 +10,33 @@
 
 namespace rbvh {
 
-/// A scan in the device's own layout. Cheap to copy. A cloud needs normals and radii.
+/// A scan in the device's own layout. Cheap to copy.
 struct ExactTracer {
   Device device;
   bool discs = false;
-  Buffer<std::uint32_t> nodes;       ///< wide nodes, see kernels/trace_exact.cl
-  Buffer<float> primitives;          ///< in leaf order
-  Buffer<std::uint32_t> primitive_ids;  ///< leaf order -> index in the scan
+  ExactScene scene{};
+  Buffer<ExactNode> nodes;
+  Buffer<ExactBlock> blocks;
+  std::uint32_t stack = 0;  ///< entries that a ray can need
+  std::size_t bytes() const { return nodes.size() * sizeof(ExactNode) + blocks.size() * sizeof(ExactBlock); }
 };
 
-ExactTracer make_exact_tracer(const Device& device, const Scan& scan);
+/// Seconds by phase.
+struct ExactTimings {
+  double hierarchy = 0, flatten = 0, upload = 0;
+};
 
-/// As for an RbvhTracer; Hit.leaf is the triangle's or point's index in the scan.
-void trace_rays(const ExactTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
+/// A cloud needs normals and radii. Primitives that are not finite, triangles without area, discs without a
+/// normal or radius are never hit. Throws Error(kBudget) when the device cannot hold it.
+ExactTracer make_exact_tracer(const Device& device, const Scan& scan, ExactTimings* timings = nullptr);
+
+/// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]. Hit.leaf is the triangle's or
+/// point's index in the scan; of several at the same t the lowest. A triangle's u and v weigh its second and
+/// third vertex. `steps`, where given, gets the nodes and blocks visited per ray.
+void trace_rays(const ExactTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
+
+/// Primary rays of a camera: hits row by row.
 void trace_camera(const ExactTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
                   const Buffer<std::uint32_t>* steps = nullptr);
 

@@ -59,8 +59,8 @@ float degrees_between(const float a[3], const float b[3]) {
 
 }  // namespace
 
-std::vector<PixelFault> find_faults(std::span<const Hit> exact, std::span<const Hit> level, std::uint32_t width,
-                                    std::uint32_t height, float diagonal) {
+std::vector<PixelFault> find_faults(std::span<const Hit> exact, std::span<const Hit> level,
+                                    std::uint32_t width, std::uint32_t height, float diagonal) {
   const std::size_t w = width, h = height;
   RBVH_CHECK(exact.size() == w * h && level.size() == w * h);
   std::vector<PixelFault> faults(w * h);
@@ -131,7 +131,8 @@ ViewsFidelity measure_views(const CastView& exact, const CastView& level, const 
   HitDifferences pool;
   for (int i = 0; i < config.views; ++i) {
     report(progress, "compare views", static_cast<double>(i) / config.views);
-    const CameraRays rays = camera_rays(cameras[static_cast<std::size_t>(i)], config.resolution, config.resolution);
+    const CameraRays rays =
+        camera_rays(cameras[static_cast<std::size_t>(i)], config.resolution, config.resolution);
     const std::vector<Hit> exact_hits = exact(rays), level_hits = level(rays);
     const HitFidelity view =
         compare_hits(exact_hits, level_hits, config.resolution, config.resolution, diagonal, &pool);

@@ -40,6 +40,7 @@ struct Level {
   std::vector<Layer> layers;      ///< height first
   std::uint64_t texels_used = 0;  ///< texels with a surface
   LevelFidelity fidelity{};
+  std::uint64_t stored_bytes = 0;  ///< its share of the pair it was read from: nodes, leaves, layers
 };
 
 /// The scan a pair was built from.

@@ -46,20 +46,39 @@ void turn(Frame& frame, Vec3d axis, double degrees) {
   frame.up = rotate(frame.up, axis, degrees);
 }
 
-// Along one axis of the image: how far a camera must be to see all corners, and where its middle is. `slope` is the
-// tangent of half the view angle; x are the corners' places along the axis, z towards the camera.
-struct Extent {
-  double distance, middle;
-};
-Extent fit(const std::array<Vec3d, 8>& corners, Vec3d axis, Vec3d back, double slope, bool centered) {
-  double right = -std::numeric_limits<double>::infinity(), left = right;
+using Corners = std::array<Vec3d, 8>;
+
+// How far from the focal point (the origin) a camera must be for all corners to lie between the image's edges
+// along `axis`; `slope` is the tangent of half the view angle that way. With `movable` the camera may slide
+// along the axis.
+double fit_distance(const Corners& corners, Vec3d axis, Vec3d back, double slope, bool movable) {
+  double plus = -std::numeric_limits<double>::infinity(), minus = plus;
   for (const Vec3d& corner : corners) {
     const double x = dot(corner, axis), z = dot(corner, back);
-    right = std::max(right, x + slope * z);
-    left = std::max(left, -x + slope * z);
+    plus = std::max(plus, x / slope + z);
+    minus = std::max(minus, -x / slope + z);
   }
-  if (centered) return {(right + left) / (2 * slope), (right - left) / 2};
-  return {std::max(right, left) / slope, 0};
+  return movable ? (plus + minus) / 2 : std::max(plus, minus);
+}
+
+// How far to slide along `axis`, at `distance`, for equal room on both sides of the picture.
+double fit_middle(const Corners& corners, Vec3d axis, Vec3d back, double distance) {
+  const auto lean = [&](double middle) {  // falls as the middle grows
+    double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+    for (const Vec3d& corner : corners) {
+      const double slope = (dot(corner, axis) - middle) / (distance - dot(corner, back));
+      lo = std::min(lo, slope);
+      hi = std::max(hi, slope);
+    }
+    return lo + hi;
+  };
+  double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+  for (const Vec3d& corner : corners) {
+    lo = std::min(lo, dot(corner, axis));
+    hi = std::max(hi, dot(corner, axis));
+  }
+  for (int i = 0; i < 60; ++i) (lean((lo + hi) / 2) > 0 ? lo : hi) = (lo + hi) / 2;
+  return (lo + hi) / 2;
 }
 
 }  // namespace
@@ -77,24 +96,26 @@ Camera place_camera(const CameraWords& words, const Bounds3d& bounds, Vec3d up_a
   const Vec3d front = words.position ? *words.position - camera.focal_point : front_of(up_axis);
   Frame frame = frame_of(front, view_up);
   const bool chosen = words.position || words.azimuth || words.elevation;
-  // As f3d, which makes the view up orthogonal to the view before it turns (VTK alone would turn about view_up).
+  // As f3d, which makes the view up orthogonal to the view before it turns (VTK alone would turn about
+  // view_up).
   turn(frame, frame.up, words.azimuth.value_or(chosen ? 0 : kDefaultAzimuth));
   turn(frame, frame.right, -words.elevation.value_or(chosen ? 0 : kDefaultElevation));
 
   double distance = length(front);
   if (!words.position) {
-    std::array<Vec3d, 8> corners;
-    for (unsigned i = 0; i < 8; ++i) {
-      const Vec3d corner{i & 1 ? bounds.hi.x : bounds.lo.x, i & 2 ? bounds.hi.y : bounds.lo.y,
-                         i & 4 ? bounds.hi.z : bounds.lo.z};
-      corners[i] = bounds.empty() ? Vec3d{} : corner - camera.focal_point;
-    }
-    const bool centered = !words.focal_point;
+    Corners corners{};
+    for (unsigned i = 0; i < 8 && !bounds.empty(); ++i)
+      corners[i] = Vec3d{i & 1 ? bounds.hi.x : bounds.lo.x, i & 2 ? bounds.hi.y : bounds.lo.y,
+                         i & 4 ? bounds.hi.z : bounds.lo.z} -
+                   camera.focal_point;
+    const bool movable = !words.focal_point;
     const double slope = std::tan(camera.view_angle / 2 * kDegree) / kMargin;
-    const Extent across = fit(corners, frame.right, frame.back, slope * aspect, centered);
-    const Extent along = fit(corners, frame.up, frame.back, slope, centered);
-    camera.focal_point = camera.focal_point + frame.right * across.middle + frame.up * along.middle;
-    distance = std::max(across.distance, along.distance);
+    distance = std::max(fit_distance(corners, frame.right, frame.back, slope * aspect, movable),
+                        fit_distance(corners, frame.up, frame.back, slope, movable));
+    if (movable && distance > 0)
+      camera.focal_point = camera.focal_point +
+                           frame.right * fit_middle(corners, frame.right, frame.back, distance) +
+                           frame.up * fit_middle(corners, frame.up, frame.back, distance);
     if (!(distance > 0)) distance = 1;  // a single point
   }
   camera.position = camera.focal_point + frame.back * distance;
@@ -151,7 +172,8 @@ CameraRays camera_rays(const Camera& camera, std::uint32_t width, std::uint32_t 
 Vec3f pixel_direction(const CameraRays& rays, std::uint32_t x, std::uint32_t y) {
   const float px = static_cast<float>(x) + rays.offset_x, py = static_cast<float>(y) + rays.offset_y;
   Vec3f d;
-  for (int axis = 0; axis < 3; ++axis) d[axis] = rays.corner[axis] + rays.right[axis] * px + rays.up[axis] * py;
+  for (int axis = 0; axis < 3; ++axis)
+    d[axis] = rays.corner[axis] + rays.right[axis] * px + rays.up[axis] * py;
   return normalized(d);
 }
 

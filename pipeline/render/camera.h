@@ -1,5 +1,5 @@
-// Cameras in f3d's words: position, focal point, view up, view angle, then azimuth and elevation on top, as VTK
-// turns them.
+// Cameras in f3d's words: position, focal point, view up, view angle, then azimuth and elevation on top, as
+// VTK turns them.
 #pragma once
 
 #include <optional>
@@ -24,18 +24,19 @@ struct Camera {
   double view_angle = 30;  ///< degrees, vertical, full angle
 };
 
-/// Fills in the words that are missing: the view angle is 30 degrees, the view up is `up_axis`, the focal point the
-/// middle of the picture of `bounds`, the position as near as shows all of `bounds`, in front of the object (where
-/// `up_axis` is +Y that is on +Z, for +Z on -Y) or, with none of position, azimuth and elevation given, in a
-/// three-quarter view (azimuth 30, elevation 20). `aspect` is width / height. Throws Error(kUsage) where position and
-/// focal point coincide, the view runs along the view up, or the angle is not between 0 and 180.
+/// Fills in the words that are missing: the view angle is 30 degrees, the view up is `up_axis`, the focal
+/// point the middle of the picture of `bounds`, the position as near as shows all of `bounds`, in front of
+/// the object (where `up_axis` is +Y that is on +Z, for +Z on -Y) or, with none of position, azimuth and
+/// elevation given, in a three-quarter view (azimuth 30, elevation 20). `aspect` is width / height. Throws
+/// Error(kUsage) where position and focal point coincide, the view runs along the view up, or the angle is
+/// not between 0 and 180.
 Camera place_camera(const CameraWords& words, const Bounds3d& bounds, Vec3d up_axis, double aspect);
 
 /// `count` cameras, turned about the axis `up` through the focal point in equal steps; the first is `base`.
 std::vector<Camera> turntable(const Camera& base, Vec3d up, int count);
 
-/// `count` cameras around an object, alternately 20 degrees above and below it, each with the object filling a frame of
-/// that aspect.
+/// `count` cameras around an object, alternately 20 degrees above and below it, each with the object filling
+/// a frame of that aspect.
 std::vector<Camera> views_around(const Bounds3d& bounds, Vec3d up_axis, int count, double aspect);
 
 /// The rays of an image. The offsets say where in the pixel a ray passes; 0.5 is the centre.

@@ -25,7 +25,8 @@ struct Image {
 };
 
 /// Zeroed.
-Image make_image(Image::Kind kind, std::uint32_t width, std::uint32_t height, std::vector<std::string> channels);
+Image make_image(Image::Kind kind, std::uint32_t width, std::uint32_t height,
+                 std::vector<std::string> channels);
 
 /// One channel value between linear light and sRGB's curve, both in [0, 1].
 float linear_to_srgb(float linear);

@@ -1,0 +1,225 @@
+// rbvh render: previews of pairs and scans, ray cast.
+#include <filesystem>
+#include <memory>
+#include <set>
+
+#include "cli/camera_options.h"
+#include "cli/common.h"
+#include "cli/name_template.h"
+#include "cli/stages.h"
+#include "cli/subject.h"
+#include "io/image.h"
+#include "io/output_file.h"
+#include "pipeline/render/shade.h"
+
+namespace rbvh {
+namespace {
+
+constexpr int kShadedSamples = 4;  // rays a pixel, unless --samples says otherwise
+
+struct RenderOptions {
+  std::vector<std::string> files, levels;
+  CameraOptions camera;
+  Aov aov = Aov::kShaded;
+  int samples = 0;  // 0: the AOV's default
+};
+
+Aov parse_aov(std::string_view text) {
+  if (const auto aov = find_aov(text)) return *aov;
+  throw Error(ExitCode::kUsage, "",
+              "'" + std::string(text) + "' is none of shaded, normal, depth, position, leaf, steps");
+}
+
+int parse_samples(std::string_view text) {
+  const int samples = parse_positive(text);
+  if (samples > 256) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is more than 256");
+  return samples;
+}
+
+// Everything about the names that can be wrong before a file is read.
+void check_names(const RenderOptions& options, const NameTemplate& names, std::size_t cameras) {
+  const ImageFormat format = image_format(names.text());
+  const bool needs_exr = options.aov == Aov::kDepth || options.aov == Aov::kPosition;
+  check_image_format(names.text(), format, needs_exr ? Image::Kind::kData : Image::Kind::kColor);
+  const bool many_levels =
+      options.levels.size() > 1 || (options.levels.size() == 1 && options.levels[0] == "all");
+  const auto require = [&](bool many, const char* what, const char* field) {
+    if (many && !names.has(field))
+      throw Error(
+          ExitCode::kUsage, names.text(),
+          std::string("several ") + what + " would go to one picture; put {" + field + "} in the name");
+  };
+  require(options.files.size() > 1, "files", "name");
+  require(many_levels, "levels", "level");
+  require(cameras > 1, "cameras", "frame");
+  std::set<std::string> stems;
+  for (const std::string& file : options.files)
+    if (!stems.insert(std::filesystem::path(file).stem().string()).second)
+      throw Error(ExitCode::kUsage, file,
+                  "another input has the same name without extension, so would its picture");
+}
+
+// Where in the pixel the ray of a sample passes: Hammersley's points; the centre for a single one.
+std::pair<double, double> sample_offset(int sample, int samples) {
+  double y = 0, digit = 0.5;
+  for (int bits = sample; bits > 0; bits >>= 1, digit /= 2)
+    if (bits & 1) y += digit;
+  double cell = 1;
+  while (cell * samples > 1) cell /= 2;
+  return {(sample + 0.5) / samples, y + cell / 2};
+}
+
+struct RenderTimings {
+  double load = 0, upload = 0, trace = 0, shade = 0, write = 0;
+};
+
+struct RenderCounts {
+  std::uint64_t images = 0, rays = 0, bytes = 0;
+};
+
+class Renderer {
+ public:
+  Renderer(Context& context, const RenderOptions& options) : context_(context), options_(options) {}
+
+  void run() {
+    names_ = NameTemplate(context_.output);
+    words_ = {options_.camera.words};
+    const int turns = std::max(1, options_.camera.turntable);
+    if (!options_.camera.cameras_path.empty())
+      words_ = read_cameras(options_.camera.cameras_path, options_.camera.words);
+    check_names(options_, names_, words_.size() * static_cast<std::size_t>(turns));
+    const Resolution size = options_.camera.resolution;
+    const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
+    check_budget(context_, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
+    for_each_file(context_, options_.files, [this](const std::string& path) { render_file(path); });
+    write_report();
+  }
+
+ private:
+  // Hits, their surface, the picture and its sum over the samples.
+  static constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 2 * sizeof(Vec3f) + 2 * 4 * sizeof(float);
+
+  void render_file(const std::string& path) {
+    Stopwatch watch;
+    const Subject subject = load_subject(context_, path);
+    const std::vector<std::string> levels = choose_levels(subject, options_.levels);
+    const std::vector<Camera> cameras =
+        place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
+    for (const std::string& level : levels)
+      for (std::size_t frame = 0; frame < cameras.size(); ++frame)
+        check_output(output_name(subject, level, frame), context_.force);
+    timings_.load += watch.lap();
+    if (!device_) {
+      device_ = Device::open(context_.device);
+      context_.report["device"] = device_json(device_->info());
+    }
+    std::vector<Vec3f> normals;
+    if (subject.scan()) normals = shading_normals(*subject.scan());
+    std::size_t done = 0;
+    for (const std::string& level : levels) {
+      watch.lap();
+      const Caster caster = make_caster(*device_, subject, level);
+      device_->finish();
+      timings_.upload += watch.lap();
+      for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
+        context_.progress.update(
+            "render", static_cast<double>(done++) / static_cast<double>(levels.size() * cameras.size()));
+        const Image image = render(subject, level, normals, caster, cameras[frame]);
+        watch.lap();
+        const std::string name = output_name(subject, level, frame);
+        write_image(name, image, context_.force);
+        timings_.write += watch.lap();
+        ++counts_.images;
+        note_output(name);
+      }
+    }
+  }
+
+  Image render(const Subject& subject, const std::string& level, const std::vector<Vec3f>& normals,
+               const Caster& caster, const Camera& camera) {
+    Stopwatch watch;
+    const bool is_shaded = options_.aov == Aov::kShaded;
+    const int samples = is_shaded ? (options_.samples > 0 ? options_.samples : kShadedSamples) : 1;
+    const Resolution size = options_.camera.resolution;
+    Image sum;
+    for (int sample = 0; sample < samples; ++sample) {
+      const auto [x, y] = sample_offset(sample, samples);
+      const CameraRays rays = camera_rays(camera, size.width, size.height, x, y);
+      std::vector<std::uint32_t> steps;
+      const std::vector<Hit> hits = cast_camera(caster, rays, options_.aov == Aov::kSteps ? &steps : nullptr);
+      timings_.trace += watch.lap();
+      counts_.rays += hits.size();
+      if (is_shaded) {
+        const SurfaceSamples surface = subject.rbvh()
+                                           ? sample_surface(*subject.rbvh()->find_level(level), hits)
+                                           : sample_surface(*subject.scan(), normals, hits);
+        const Vec3d up = options_.camera.up.value_or(subject.up_axis());
+        add(sum, shade(rays, hits, surface, static_cast<Vec3f>(up)), 1 / static_cast<float>(samples));
+      } else {
+        sum = options_.aov == Aov::kSteps ? steps_image(rays, steps) : data_image(options_.aov, rays, hits);
+        if (image_format(names_.text()) != ImageFormat::kExr) sum = shown_image(options_.aov, sum);
+      }
+      timings_.shade += watch.lap();
+    }
+    return sum;
+  }
+
+  static void add(Image& sum, Image&& image, float weight) {
+    if (sum.pixels.empty()) {
+      sum = make_image(image.kind, image.width, image.height, image.channels);
+    }
+    for (std::size_t i = 0; i < image.pixels.size(); ++i) sum.pixels[i] += image.pixels[i] * weight;
+  }
+
+  std::string output_name(const Subject& subject, const std::string& level, std::size_t frame) const {
+    return names_.fill(subject.name, level, static_cast<int>(frame));
+  }
+
+  void note_output(const std::string& name) {
+    std::error_code code;
+    const std::uintmax_t bytes = std::filesystem::file_size(name, code);
+    if (!code) counts_.bytes += bytes;
+    context_.report["outputs"].push_back({{"file", name}, {"bytes", code ? 0 : bytes}});
+    detail(context_, "rbvh render: wrote " + name);
+  }
+
+  void write_report() {
+    context_.report["timings"] = {{"load", timings_.load},
+                                  {"upload", timings_.upload},
+                                  {"trace", timings_.trace},
+                                  {"shade", timings_.shade},
+                                  {"write", timings_.write}};
+    const double rate = timings_.trace > 0 ? static_cast<double>(counts_.rays) / timings_.trace / 1e6 : 0;
+    context_.report["counts"] = {
+        {"images", counts_.images}, {"rays", counts_.rays}, {"mrays_per_second", rate}};
+    context_.report["bytes"] = counts_.bytes;
+  }
+
+  Context& context_;
+  const RenderOptions& options_;
+  NameTemplate names_;
+  std::vector<CameraWords> words_;
+  std::optional<Device> device_;
+  RenderTimings timings_;
+  RenderCounts counts_;
+};
+
+}  // namespace
+
+void add_render(CLI::App& app, Context& context) {
+  const auto options = std::make_shared<RenderOptions>();
+  CLI::App* stage = add_stage(app, context,
+                              {"render", "Ray cast previews of pairs and scans",
+                               "rbvh render dragon.rbvh -o '{name}-{level}.png' --level all"},
+                              kWithOutput | kWithDevice | kWithReport,
+                              [&context, options] { Renderer(context, *options).run(); });
+  stage->add_option("FILE", options->files, ".rbvh pairs or scans")->required();
+  add_level_option(*stage, options->levels, true);
+  add_parsed(*stage, "--aov", options->aov, parse_aov, "WHAT",
+             "shaded (default), normal, depth, position, leaf or steps; depth and position go to .exr");
+  add_parsed(*stage, "--samples", options->samples, parse_samples, "N",
+             "rays a pixel of a shaded picture (default: 4); 1 is the pixel's centre");
+  add_camera_options(*stage, options->camera);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,160 @@
+#include "cli/subject.h"
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "io/rbvh_file.h"
+#include "io/scan_io.h"
+#include "pipeline/scan/complete_cloud.h"
+
+namespace rbvh {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A scan is in memory as the file's bytes, as doubles and as floats.
+constexpr std::uint64_t kScanBytesPerFileByte = 3;
+// An atlas is compressed on disk; a pair is checked, unpacked and laid out for the device.
+constexpr std::uint64_t kPairBytesPerFileByte = 6;
+constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
+
+std::uint64_t file_bytes(const std::string& path) {
+  std::error_code code;
+  const std::uintmax_t size = fs::file_size(path, code);
+  return code ? 0 : size;
+}
+
+const Level& level_of(const Subject& subject, const std::string& level) {
+  const Level* found = subject.rbvh()->find_level(level);
+  RBVH_CHECK(found != nullptr);
+  return *found;
+}
+
+}  // namespace
+
+bool is_rbvh(const std::string& path) {
+  if (path == "-") return false;
+  if (fs::path(path).extension() == ".rbvh") return true;
+  char start[8] = {};
+  std::ifstream(path, std::ios::binary).read(start, sizeof start);
+  return std::memcmp(start + 4, "RBVH", 4) == 0;  // where FlatBuffers keep their file identifier
+}
+
+Scan load_exact_scan(Context& context, const std::string& path) {
+  check_budget(context, file_bytes(path) * kScanBytesPerFileByte, path, "reading it");
+  Scan scan = shift_to_float(read_scan(path));
+  const Bounds3f box = bounds(scan);
+  if (box.empty()) throw Error(ExitCode::kInput, path, "no vertex has finite coordinates");
+  if (!(box.diagonal() > 0)) throw Error(ExitCode::kInput, path, "all points are equal");
+  if (scan.is_cloud()) complete_cloud(scan, {}, context.progress.callback());
+  return scan;
+}
+
+Subject load_subject(Context& context, const std::string& path) {
+  Subject subject;
+  subject.path = path;
+  subject.name = path == "-" ? "stdin" : fs::path(path).stem().string();
+  if (is_rbvh(path)) {
+    check_budget(context, (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte, path,
+                 "reading it");
+    Rbvh rbvh = read_rbvh(path);
+    subject.bounds = rbvh.source.bounds;
+    subject.is_cloud = rbvh.source.triangles == 0;
+    subject.content = std::move(rbvh);
+  } else {
+    Scan scan = load_exact_scan(context, path);
+    subject.bounds = bounds(scan);
+    subject.is_cloud = scan.is_cloud();
+    subject.content = std::move(scan);
+  }
+  return subject;
+}
+
+std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted) {
+  const Rbvh* rbvh = subject.rbvh();
+  if (!rbvh) return {"exact"};
+  std::vector<std::string> present;
+  for (const Level& level : rbvh->levels) present.push_back(level.name);
+  if (wanted.empty()) return {present.front()};
+  std::vector<std::string> chosen;
+  const auto choose = [&](const std::string& name) {
+    if (std::find(chosen.begin(), chosen.end(), name) == chosen.end()) chosen.push_back(name);
+  };
+  for (const std::string& name : wanted) {
+    if (name == "all") {
+      for (const std::string& each : present) choose(each);
+    } else if (std::find(present.begin(), present.end(), name) != present.end()) {
+      choose(name);
+    } else {
+      std::string there;
+      for (const std::string& each : present) there += (there.empty() ? "" : ", ") + each;
+      throw Error(ExitCode::kUsage, subject.path, "there is no level '" + name + "'; there are " + there);
+    }
+  }
+  return chosen;
+}
+
+Caster make_caster(const Device& device, const Subject& subject, const std::string& level) {
+  if (subject.rbvh()) return make_rbvh_tracer(device, level_of(subject, level));
+  return make_exact_tracer(device, *subject.scan());
+}
+
+std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
+                             std::vector<std::uint32_t>* steps) {
+  const std::size_t width = rays.width, height = rays.height;
+  const std::size_t band = std::clamp<std::size_t>(kBandBytes / (width * sizeof(Hit)), 1, height);
+  const Device& device =
+      std::visit([](const auto& tracer) -> const Device& { return tracer.device; }, caster);
+  const Buffer<Hit> hit_buffer(device, width * band);
+  const Buffer<std::uint32_t> step_buffer =
+      steps ? Buffer<std::uint32_t>(device, width * band) : Buffer<std::uint32_t>();
+  std::vector<Hit> hits(width * height);
+  if (steps) steps->resize(width * height);
+  for (std::size_t row = 0; row < height; row += band) {
+    const std::size_t rows = std::min(band, height - row), count = rows * width;
+    CameraRays part = rays;
+    part.offset_y += static_cast<float>(row);
+    part.height = static_cast<std::uint32_t>(rows);
+    std::visit(
+        [&](const auto& tracer) { trace_camera(tracer, part, hit_buffer, steps ? &step_buffer : nullptr); },
+        caster);
+    hit_buffer.read(std::span(hits).subspan(row * width, count));
+    if (steps) step_buffer.read(std::span(*steps).subspan(row * width, count));
+  }
+  return hits;
+}
+
+void for_each_file(Context& context, const std::vector<std::string>& paths,
+                   const std::function<void(const std::string&)>& work) {
+  std::size_t failed = 0;
+  ExitCode first = ExitCode::kOk;
+  for (const std::string& path : paths) {
+    try {
+      work(path);
+    } catch (const Error& error) {
+      if (paths.size() == 1 || error.code() == ExitCode::kUsage || error.code() == ExitCode::kDevice) throw;
+      print_error(context, error.what());
+      if (failed++ == 0) first = error.code();
+    }
+  }
+  if (failed > 0)
+    throw Error(
+        failed == paths.size() ? first : ExitCode::kBatch, "",
+        std::to_string(failed) + " of " + std::to_string(paths.size()) + " files failed, as said above");
+}
+
+void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {
+  CLI::Option* option = stage.add_option_function<std::vector<std::string>>(
+      "--level",
+      [&levels, several](const std::vector<std::string>& words) {
+        for (const std::string& word : words)
+          for (const std::string& name : parse_list(word)) levels.push_back(name);
+        if (!several && levels.size() > 1) throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
+      },
+      several ? "levels to show, or all (default: the finest)" : "the level to use (default: the finest)");
+  option->type_name("Q0")->allow_extra_args(false);
+}
+
+}  // namespace rbvh

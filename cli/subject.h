@@ -1,0 +1,64 @@
+// What rays are cast at: a level of an .rbvh pair, or a scan of any ingest format, uncleaned, as exact
+// triangles or discs.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "cli/common.h"
+#include "pipeline/exact/trace_exact.h"
+#include "pipeline/rbvh/rbvh.h"
+#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+struct Subject {
+  std::string path;
+  std::string name;  ///< without folders and extension
+  std::variant<Rbvh, Scan> content;
+  Bounds3f bounds;
+  bool is_cloud = false;
+
+  const Rbvh* rbvh() const { return std::get_if<Rbvh>(&content); }
+  const Scan* scan() const { return std::get_if<Scan>(&content); }
+  Vec3d up_axis() const { return is_cloud ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}; }
+};
+
+/// True for a file that starts as an .rbvh does, or is named as one.
+bool is_rbvh(const std::string& path);
+
+/// Reads a pair or a scan ("-": a scan from standard input). A cloud gets the normals and radii that it
+/// lacks. Throws Error(kInput), also where nothing finite is left or all points are equal.
+Subject load_subject(Context& context, const std::string& path);
+
+/// Reads a scan as load_subject() does.
+Scan load_exact_scan(Context& context, const std::string& path);
+
+/// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact".
+/// Throws Error(kUsage) for a level that is not there.
+std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted);
+
+using Caster = std::variant<RbvhTracer, ExactTracer>;
+
+/// `level` is one of choose_levels().
+Caster make_caster(const Device& device, const Subject& subject, const std::string& level);
+
+/// Casts a camera's rays in bands that fit the device: width * height hits, row by row; as many steps where
+/// asked for.
+std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
+                             std::vector<std::uint32_t>* steps = nullptr);
+
+/// Runs `work` for each path. Of one path, its error is thrown; of several, each error is a line, the others
+/// are done, and Error(kBatch) is thrown at the end (the first one's code where all failed). Usage and device
+/// errors stop at once.
+void for_each_file(Context& context, const std::vector<std::string>& paths,
+                   const std::function<void(const std::string&)>& work);
+
+/// --level: given several times, or with commas, or "all".
+void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);
+
+}  // namespace rbvh

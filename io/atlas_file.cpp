@@ -1,0 +1,149 @@
+#include "io/atlas_file.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+
+namespace rbvh {
+namespace {
+
+// Measured on the Stanford dragon's Q0: zip with the horizontal predictor takes 47% of the raw bytes; level 4
+// is 1.6% larger and 1.7 times faster, level 9 3% smaller and 4 times slower. Tiles of 128 are as small as
+// strips and half the time to write.
+constexpr int kZipLevel = 6;
+constexpr int kPredictorHorizontal = 2;
+constexpr std::uint32_t kTiffTile = 128;
+// What a byte of deflate can become at most (1032), and some room for tiles' padding.
+constexpr std::uint64_t kMaxExpansion = 1100;
+
+std::uint32_t tiff_tile(std::uint32_t size) {
+  return std::min(kTiffTile, (size + 15) / 16 * 16);
+}  // TIFF: times 16
+
+std::string subimage_name(const Level& level, const Layer& layer) { return level.name + "." + layer.name; }
+
+OIIO::ImageSpec make_spec(const Level& level, const Layer& layer) {
+  OIIO::ImageSpec spec(static_cast<int>(level.atlas_width), static_cast<int>(level.atlas_height),
+                       static_cast<int>(layer.channels), OIIO::TypeUInt16);
+  spec.tile_width = static_cast<int>(tiff_tile(level.atlas_width));
+  spec.tile_height = static_cast<int>(tiff_tile(level.atlas_height));
+  spec.alpha_channel = -1;  // no channel multiplies another
+  spec.attribute("compression", "zip:" + std::to_string(kZipLevel));
+  spec.attribute("tiff:Predictor", kPredictorHorizontal);
+  spec.attribute("ImageDescription", subimage_name(level, layer));
+  // Left alone, these would tell the time and the library's version: identical work gives identical bytes.
+  spec.attribute("DateTime", "1970:01:01 00:00:00");
+  spec.attribute("Software", "rbvh");
+  return spec;
+}
+
+// Tile by tile from a buffer of our own: OpenImageIO pads the tiles at the rim with what its buffer held
+// before.
+bool write_layer(OIIO::ImageOutput& out, const Level& level, const Layer& layer) {
+  const std::uint32_t tile_width = tiff_tile(level.atlas_width), tile_height = tiff_tile(level.atlas_height);
+  const std::size_t channels = layer.channels;
+  std::vector<std::uint16_t> tile(channels * tile_width * tile_height);
+  for (std::uint32_t y = 0; y < level.atlas_height; y += tile_height)
+    for (std::uint32_t x = 0; x < level.atlas_width; x += tile_width) {
+      std::fill(tile.begin(), tile.end(), std::uint16_t{0});
+      const std::size_t columns = std::min(tile_width, level.atlas_width - x);
+      const std::uint32_t rows = std::min(tile_height, level.atlas_height - y);
+      for (std::size_t row = 0; row < rows; ++row)
+        std::copy_n(layer.texels.data() + ((y + row) * level.atlas_width + x) * channels, columns * channels,
+                    tile.data() + row * tile_width * channels);
+      if (!out.write_tile(static_cast<int>(x), static_cast<int>(y), 0, OIIO::TypeUInt16, tile.data()))
+        return false;
+    }
+  return true;
+}
+
+[[noreturn]] void write_failed(const std::string& path, std::string why) {
+  std::replace(why.begin(), why.end(), '\n', ' ');
+  throw Error(ExitCode::kFailure, path, "cannot be written: " + (why.empty() ? "the disk may be full" : why));
+}
+
+[[noreturn]] void refuse(const std::string& path, std::string why) {
+  std::replace(why.begin(), why.end(), '\n', ' ');
+  throw Error(ExitCode::kInput, path, why + "; build the pair again");
+}
+
+}  // namespace
+
+std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const std::string& path,
+                                       const Rbvh& rbvh) {
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("tif");
+  if (out == nullptr) write_failed(path, OIIO::geterror());
+  out->threads(thread_count());
+  std::vector<std::uint64_t> level_bytes;
+  std::uint64_t before = 0;
+  const auto add_level = [&](std::uint64_t end) {
+    level_bytes.push_back(end - before);
+    before = end;
+  };
+  std::error_code size_error;
+  bool is_first = true;
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
+    for (const Layer& layer : rbvh.levels[i].layers) {
+      const auto mode = is_first ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
+      if (!out->open(temporary_path, make_spec(rbvh.levels[i], layer), mode))
+        write_failed(path, out->geterror());
+      // Opening the next subimage has finished the one before.
+      if (i > level_bytes.size()) add_level(std::filesystem::file_size(temporary_path, size_error));
+      if (!write_layer(*out, rbvh.levels[i], layer)) write_failed(path, out->geterror());
+      is_first = false;
+    }
+  if (!out->close()) write_failed(path, out->geterror());
+  add_level(std::filesystem::file_size(temporary_path, size_error));
+  return level_bytes;
+}
+
+void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh& rbvh) {
+  std::uint64_t values = 0;
+  for (const Level& level : rbvh.levels)
+    for (const Layer& layer : level.layers)
+      values += std::uint64_t{level.atlas_width} * level.atlas_height * layer.channels;
+  if (values * sizeof(std::uint16_t) > kMaxExpansion * file.size())
+    refuse(path, "is too small (" + std::to_string(file.size()) + " bytes) for the " +
+                     std::to_string(values) + " texels that its hierarchy claims");
+
+  const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create("tif");
+  if (in == nullptr) refuse(path, "cannot be read: " + OIIO::geterror());
+  in->threads(thread_count());
+  // OpenImageIO only reads through it, whatever its parameter's type.
+  OIIO::Filesystem::IOMemReader reader(const_cast<std::byte*>(file.data()), file.size());
+  OIIO::ImageSpec config;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  OIIO::ImageSpec spec;
+  if (!in->set_ioproxy(&reader) || !in->open("atlas.tif", spec, config))
+    refuse(path, "is no TIFF that can be read (" + in->geterror() + ")");
+
+  int subimage = 0;
+  for (Level& level : rbvh.levels)
+    for (Layer& layer : level.layers) {
+      const std::string name = subimage_name(level, layer);
+      if (!in->seek_subimage(subimage, 0)) refuse(path, "has no subimage " + name);
+      spec = in->spec();
+      // The file is held against the hierarchy before a byte is reserved on its word.
+      if (spec.get_string_attribute("ImageDescription") != name)
+        refuse(path, "has, as subimage " + std::to_string(subimage) + ", not " + name);
+      if (spec.width != static_cast<int>(level.atlas_width) ||
+          spec.height != static_cast<int>(level.atlas_height) || spec.depth != 1 ||
+          spec.nchannels != static_cast<int>(layer.channels) || spec.format != OIIO::TypeUInt16 ||
+          spec.tile_width > 4096 || spec.tile_height > 4096)
+        refuse(path, "subimage " + name + " is not the " + std::to_string(level.atlas_width) + " x " +
+                         std::to_string(level.atlas_height) + " texels of 16 bits that its hierarchy claims");
+      layer.texels.resize(std::size_t{level.atlas_width} * level.atlas_height * layer.channels);
+      if (!in->read_image(subimage, 0, 0, spec.nchannels, OIIO::TypeUInt16, layer.texels.data()))
+        refuse(path, "subimage " + name + " cannot be decoded (" + in->geterror() + ")");
+      ++subimage;
+    }
+  if (in->seek_subimage(subimage, 0)) refuse(path, "has more subimages than its hierarchy has layers");
+  static_cast<void>(in->geterror());  // that there is none was what we wanted to hear
+}
+
+}  // namespace rbvh

@@ -1,0 +1,27 @@
+// The atlas file of a pair: a 16-bit unsigned TIFF by OpenImageIO with one subimage per level and layer,
+// named
+// "<level>.<layer>" by its ImageDescription.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "pipeline/rbvh/rbvh.h"
+
+namespace rbvh {
+
+/// Writes all layers to `temporary_path` and returns the bytes that each level takes there. The texels must
+/// fit the atlases (find_texel_fault). Identical texels give identical bytes. Errors name `path`. Throws
+/// Error(kFailure).
+std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const std::string& path,
+                                       const Rbvh& rbvh);
+
+/// Fills the texels of `rbvh`, whose levels and layers say what to expect, from the bytes of an atlas file.
+/// Hostile bytes are expected: memory is bounded by 1100 times their number. Throws Error(kInput), naming
+/// `path`.
+void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh& rbvh);
+
+}  // namespace rbvh

@@ -1,0 +1,336 @@
+// The pair, written and read. The hierarchy is a FlatBuffers buffer (io/rbvh_file.fbs) whose root begins with
+// a seal: length, hash and version. The seal alone is looked at until it has been found true.
+#include "io/rbvh_file.h"
+
+// FlatBuffers would stop at 32: nodes and leaves shall not straddle cache lines where the file is mapped.
+#define FLATBUFFERS_MAX_ALIGNMENT 64
+#include <flatbuffers/flatbuffers.h>
+#include <xxhash.h>
+
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "io/atlas_file.h"
+#include "io/input_file.h"
+#include "io/output_file.h"
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/check_rbvh.h"
+#include "rbvh_file_generated.h"
+
+namespace rbvh {
+namespace {
+
+static_assert(sizeof(file::Node) == sizeof(RbvhNode) && sizeof(file::Leaf) == sizeof(RbvhLeaf));
+constexpr std::size_t kAlignment = 64;
+constexpr std::size_t kSealHashAt = 8;  // in file::Seal
+constexpr std::size_t kMaxBuildOptionsDepth = 32;
+constexpr const char* kRebuild = "; build the pair again";
+
+std::uint64_t hash_bytes(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
+
+// Of all bytes, with the seal's hash taken as zero. `hash_at` is where that lies.
+std::uint64_t hash_sealed(std::span<const std::byte> bytes, std::size_t hash_at) {
+  constexpr std::uint64_t kZero = 0;
+  const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(), XXH3_freeState);
+  if (state == nullptr) throw std::bad_alloc();
+  XXH3_64bits_reset(state.get());
+  XXH3_64bits_update(state.get(), bytes.data(), hash_at);
+  XXH3_64bits_update(state.get(), &kZero, sizeof kZero);
+  const std::span<const std::byte> rest = bytes.subspan(hash_at + sizeof kZero);
+  XXH3_64bits_update(state.get(), rest.data(), rest.size());
+  return XXH3_64bits_digest(state.get());
+}
+
+[[noreturn]] void refuse(const std::string& path, const std::string& what) {
+  throw Error(ExitCode::kInput, path, what);
+}
+
+std::span<const std::byte> bytes_of(const InputBytes& input) {
+  return std::as_bytes(std::span(input.view()));
+}
+
+// --- reading
+// ------------------------------------------------------------------------------------------------------
+
+// Finds the seal without trusting anything, and holds the file against it.
+const file::Seal& check_seal(std::span<const std::byte> bytes, const std::string& path) {
+  const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+  if (bytes.size() < 8 || std::memcmp(data + 4, file::PairIdentifier(), 4) != 0)
+    refuse(path, "is no .rbvh file: byte 4 does not begin the word RBVH");
+  flatbuffers::Verifier verifier(data, bytes.size());
+  const auto* root = flatbuffers::GetRoot<flatbuffers::Table>(data);
+  if (bytes.size() > std::numeric_limits<std::int32_t>::max() || verifier.VerifyOffset(0) == 0 ||
+      !root->VerifyTableStart(verifier) ||
+      !root->VerifyFieldRequired<file::Seal>(verifier, file::Pair::VT_SEAL, alignof(file::Seal)))
+    refuse(path, "is cut or damaged: its first bytes hold no seal" + std::string(kRebuild));
+  const file::Seal& seal = *root->GetStruct<const file::Seal*>(file::Pair::VT_SEAL);
+  if (seal.length() > bytes.size())
+    refuse(path, "is cut: " + std::to_string(bytes.size()) + " of its " + std::to_string(seal.length()) +
+                     " bytes are there" + kRebuild);
+  if (seal.length() < bytes.size())
+    refuse(path, "is damaged: it has " + std::to_string(bytes.size() - seal.length()) +
+                     " bytes too many after byte " + std::to_string(seal.length()) + kRebuild);
+  const auto* at = reinterpret_cast<const std::uint8_t*>(&seal) + kSealHashAt;
+  if (seal.hash() != hash_sealed(bytes, static_cast<std::size_t>(at - data)))
+    refuse(path, "is damaged: its bytes do not have the hash that it carries" + std::string(kRebuild));
+  if (seal.major() != kFormatMajor)
+    refuse(path, "is of format version " + std::to_string(seal.major()) + "." + std::to_string(seal.minor()) +
+                     ", " + (seal.major() > kFormatMajor ? "newer than" : "not") + " the " +
+                     std::to_string(kFormatMajor) + ".x that this rbvh reads; use a " +
+                     (seal.major() > kFormatMajor ? "newer" : "matching") +
+                     " rbvh, or build the pair again with this one");
+  return seal;
+}
+
+Bounds3f to_bounds(const file::Bounds& b) {
+  return {{b.lo()->Get(0), b.lo()->Get(1), b.lo()->Get(2)}, {b.hi()->Get(0), b.hi()->Get(1), b.hi()->Get(2)}};
+}
+
+template <class To, class From>
+std::vector<To> to_vector(const flatbuffers::Vector<const From*>& from) {
+  std::vector<To> to(from.size());
+  if (!to.empty()) std::memcpy(to.data(), from.Data(), to.size() * sizeof(To));
+  return to;
+}
+
+Level to_level(const file::Level& from) {
+  Level level;
+  level.name = from.name()->str();
+  level.rho = from.rho();
+  level.alpha = from.alpha();
+  level.phi_degrees = from.phi_degrees();
+  level.bounds = to_bounds(*from.bounds());
+  level.nodes = to_vector<RbvhNode>(*from.nodes());
+  level.leaves = to_vector<RbvhLeaf>(*from.leaves());
+  level.atlas_width = from.atlas_width();
+  level.atlas_height = from.atlas_height();
+  for (const file::Layer* layer : *from.layers())
+    level.layers.push_back({layer->name()->str(), layer->channels(), {}});
+  level.texels_used = from.texels_used();
+  if (const file::Fidelity* f = from.fidelity())
+    level.fidelity = {
+        f->mask_mismatch_percent(), f->median_dt(), f->p99_dt(), f->holes(), f->leaks(), f->walls(), true};
+  level.stored_bytes =
+      level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) + from.atlas_bytes();
+  return level;
+}
+
+// An object, and not so deep that whoever walks it runs out of stack.
+bool are_build_options(const std::string& text) {
+  bool is_shallow = true;
+  const auto options = nlohmann::json::parse(
+      text,
+      [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+        is_shallow = is_shallow && depth <= static_cast<int>(kMaxBuildOptionsDepth);
+        return is_shallow;
+      },
+      false);
+  return is_shallow && options.is_object();
+}
+
+// FlatBuffers lets many tables share one vector: what they hold in all must still be bounded by the file.
+bool fits_file(const file::Pair& pair, std::uint64_t file_bytes) {
+  if (pair.levels()->size() > kMaxLevels) return false;
+  std::uint64_t bytes = 0;
+  for (const file::Level* level : *pair.levels()) {
+    if (level->layers()->size() > kMaxLayers) return false;
+    bytes += std::uint64_t{level->nodes()->size()} * sizeof(RbvhNode) +
+             std::uint64_t{level->leaves()->size()} * sizeof(RbvhLeaf);
+  }
+  return bytes <= file_bytes;
+}
+
+// --- writing
+// ------------------------------------------------------------------------------------------------------
+
+file::Bounds from_bounds(const Bounds3f& b) {
+  const float lo[3] = {b.lo.x, b.lo.y, b.lo.z}, hi[3] = {b.hi.x, b.hi.y, b.hi.z};
+  return {flatbuffers::span<const float, 3>(lo), flatbuffers::span<const float, 3>(hi)};
+}
+
+template <class To, class From>
+flatbuffers::Offset<flatbuffers::Vector<const To*>> add_structs(flatbuffers::FlatBufferBuilder& builder,
+                                                                const std::vector<From>& from) {
+  builder.ForceVectorAlignment(from.size(), sizeof(To), kAlignment);
+  return builder.CreateVectorOfStructs(reinterpret_cast<const To*>(from.data()), from.size());
+}
+
+flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& builder, const Level& level,
+                                           std::uint64_t atlas_bytes) {
+  const auto nodes = add_structs<file::Node>(builder, level.nodes);
+  const auto leaves = add_structs<file::Leaf>(builder, level.leaves);
+  std::vector<flatbuffers::Offset<file::Layer>> layers;
+  for (const Layer& layer : level.layers)
+    layers.push_back(file::CreateLayer(builder, builder.CreateString(layer.name), layer.channels));
+  const auto layer_vector = builder.CreateVector(layers);
+  const auto name = builder.CreateString(level.name);
+  const file::Bounds bounds = from_bounds(level.bounds);
+  const LevelFidelity& f = level.fidelity;
+  const file::Fidelity fidelity(f.mask_mismatch_percent, f.median_dt, f.p99_dt, f.holes, f.leaks, f.walls);
+  return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, &bounds, nodes, leaves,
+                           level.atlas_width, level.atlas_height, layer_vector, level.texels_used,
+                           atlas_bytes, f.measured ? &fidelity : nullptr);
+}
+
+flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atlas_length,
+                                             std::uint64_t atlas_hash,
+                                             const std::vector<std::uint64_t>& level_atlas_bytes) {
+  flatbuffers::FlatBufferBuilder builder(1 << 20);
+  std::vector<flatbuffers::Offset<file::Level>> levels;
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
+    levels.push_back(add_level(builder, rbvh.levels[i], level_atlas_bytes[i]));
+  const auto level_vector = builder.CreateVector(levels);
+  const RbvhSource& s = rbvh.source;
+  const auto source_name = builder.CreateString(s.name), units = builder.CreateString(s.units);
+  const file::Double3 shift(s.shift.x, s.shift.y, s.shift.z);
+  const file::Bounds bounds = from_bounds(s.bounds);
+  const auto source = file::CreateSource(builder, source_name, s.hash, s.vertices, s.triangles, s.area,
+                                         &shift, units, &bounds);
+  const auto atlas = file::CreateAtlas(builder, atlas_length, atlas_hash);
+  const auto options = builder.CreateString(rbvh.build_options);
+  const file::Seal unsealed(0, 0, kFormatMajor, kFormatMinor, 0);
+  file::FinishPairBuffer(builder, file::CreatePair(builder, &unsealed, atlas, source, options, level_vector));
+
+  flatbuffers::DetachedBuffer buffer = builder.Release();
+  const std::uint8_t* place = reinterpret_cast<const std::uint8_t*>(file::GetPair(buffer.data())->seal());
+  const std::size_t at = static_cast<std::size_t>(place - buffer.data());
+  const file::Seal with_length(buffer.size(), 0, kFormatMajor, kFormatMinor, 0);
+  std::memcpy(buffer.data() + at, &with_length, sizeof with_length);
+  const file::Seal sealed(
+      buffer.size(), hash_sealed(std::as_bytes(std::span(buffer.data(), buffer.size())), at + kSealHashAt),
+      kFormatMajor, kFormatMinor, 0);
+  std::memcpy(buffer.data() + at, &sealed, sizeof sealed);
+  return buffer;
+}
+
+// A full disk or a size limit does not always reach us through the TIFF library: what counts is what can be
+// read.
+void check_written(std::span<const std::byte> atlas, const std::string& path, const Rbvh& rbvh) {
+  Rbvh again = rbvh;
+  for (Level& level : again.levels)
+    for (Layer& layer : level.layers) layer.texels.clear();
+  try {
+    decode_atlas(atlas, path, again);
+  } catch (const Error&) {
+    throw Error(ExitCode::kFailure, path, "cannot be written whole; is the disk full?");
+  }
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
+    for (std::size_t k = 0; k < rbvh.levels[i].layers.size(); ++k)
+      if (rbvh.levels[i].layers[k].texels != again.levels[i].layers[k].texels)
+        throw Error(ExitCode::kFailure, path, "cannot be written whole; is the disk full?");
+}
+
+void refuse_special(const std::string& path, const OutputFile& file) {
+  if (file.is_special())
+    throw Error(ExitCode::kFailure, path,
+                "is no regular file, and a pair is two files in a folder; name one there");
+}
+
+}  // namespace
+
+std::string atlas_path(const std::string& rbvh_path) {
+  return std::filesystem::path(rbvh_path).replace_extension(".atlas.tif").string();
+}
+
+Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path, PairHeader& header) {
+  const file::Seal& seal = check_seal(bytes, path);
+  const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+  flatbuffers::Verifier verifier(data, bytes.size(), /*max_depth=*/8,
+                                 /*max_tables=*/1 + 2 + kMaxLevels * (1 + kMaxLayers));
+  if (!file::VerifyPairBuffer(verifier))
+    refuse(path, "is malformed: its tables do not hang together" + std::string(kRebuild));
+  const file::Pair& pair = *file::GetPair(data);
+  if (!fits_file(pair, bytes.size()))
+    refuse(path, "is malformed: it claims more levels, layers, nodes or leaves than it has room for" +
+                     std::string(kRebuild));
+
+  Rbvh rbvh;
+  const file::Source& source = *pair.source();
+  rbvh.source = {source.name()->str(),  source.hash(),
+                 source.vertices(),     source.triangles(),
+                 source.area(),         {source.shift()->x(), source.shift()->y(), source.shift()->z()},
+                 source.units()->str(), to_bounds(*source.bounds())};
+  rbvh.build_options = pair.build_options()->str();
+  for (const file::Level* level : *pair.levels()) rbvh.levels.push_back(to_level(*level));
+  if (!are_build_options(rbvh.build_options))
+    refuse(path, "is malformed: its build options are no JSON object" + std::string(kRebuild));
+  if (const auto fault = find_fault(rbvh)) refuse(path, "is malformed: " + *fault + kRebuild);
+  header = {seal.major(), seal.minor(),           seal.length(),
+            seal.hash(),  pair.atlas()->length(), pair.atlas()->hash()};
+  return rbvh;
+}
+
+Rbvh read_rbvh(const std::string& path, PairHeader* header) {
+  if (path == "-") refuse("standard input", "is one stream, and a pair is two files; name the .rbvh");
+  PairHeader own;
+  PairHeader& head = header != nullptr ? *header : own;
+  Rbvh rbvh;
+  {
+    const InputBytes hierarchy = read_input(path);
+    rbvh = decode_hierarchy(bytes_of(hierarchy), path, head);
+  }
+  const std::string atlas_name = atlas_path(path);
+  std::error_code error;
+  if (!std::filesystem::exists(atlas_name, error))
+    refuse(path, "comes without its atlas " + atlas_name + ": a pair is two files; bring both");
+  if (const std::uint64_t size = std::filesystem::file_size(atlas_name, error);
+      !error && size < head.atlas_bytes)
+    refuse(atlas_name, "is cut, or belongs to another pair than " + path + ": it has " +
+                           std::to_string(size) + " bytes and should have " +
+                           std::to_string(head.atlas_bytes));
+  const InputBytes atlas = read_input(atlas_name);
+  if (atlas.size != head.atlas_bytes || hash_bytes(bytes_of(atlas)) != head.atlas_hash)
+    refuse(atlas_name, "belongs to another pair than " + path +
+                           ", or is damaged: it does not have the length and the hash named there");
+  decode_atlas(bytes_of(atlas), atlas_name, rbvh);
+  return rbvh;
+}
+
+RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite) {
+  std::optional<std::string> fault = find_fault(rbvh);
+  if (!fault) fault = find_texel_fault(rbvh);
+  if (!fault && !are_build_options(rbvh.build_options)) fault = "the build options are no JSON object";
+  if (fault) throw Error(ExitCode::kFailure, path, "would be malformed: " + *fault + "; please report this");
+
+  OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
+  refuse_special(path, hierarchy);
+  refuse_special(atlas.path(), atlas);
+  RbvhBytes bytes;
+  bytes.levels = write_atlas(atlas.temporary_path(), atlas.path(), rbvh);
+  flatbuffers::DetachedBuffer buffer;
+  {
+    const InputBytes written = read_input(atlas.temporary_path());
+    check_written(bytes_of(written), atlas.path(), rbvh);
+    bytes.atlas = written.size;
+    buffer = encode_hierarchy(rbvh, written.size, hash_bytes(bytes_of(written)), bytes.levels);
+  }
+  bytes.hierarchy = buffer.size();
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
+    bytes.levels[i] +=
+        rbvh.levels[i].nodes.size() * sizeof(RbvhNode) + rbvh.levels[i].leaves.size() * sizeof(RbvhLeaf);
+  hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
+
+  // The hierarchy goes first: between the two renames it names an atlas that is not there yet, and is
+  // refused.
+  OutputFile* const both[] = {&hierarchy, &atlas};
+  try {
+    commit_all(both);
+  } catch (...) {
+    if (hierarchy.is_committed() && !atlas.is_committed()) std::filesystem::remove(path);
+    throw;
+  }
+  return bytes;
+}
+
+void check_rbvh_output(const std::string& path, bool overwrite) {
+  if (path == "-")
+    throw Error(ExitCode::kUsage, "", "a pair is two files and cannot go to standard output; name a file");
+  const OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
+  refuse_special(path, hierarchy);
+  refuse_special(atlas.path(), atlas);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,169 @@
+#include "pipeline/exact/flatten_exact.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+
+namespace rbvh {
+namespace {
+
+constexpr std::size_t kGrain = 1 << 14;
+constexpr float kFar = 1e38f;
+
+/// The children of a wide node: binary nodes, the one with the largest surface opened again and again.
+struct Cut {
+  std::uint32_t nodes[EXACT_NODE_WIDTH];
+  std::uint32_t count = 0;
+};
+
+Cut widen(const SahBvh& bvh, std::uint32_t root) {
+  Cut cut;
+  cut.nodes[cut.count++] = root;
+  while (cut.count < EXACT_NODE_WIDTH) {
+    float largest = -1.0f;
+    std::uint32_t open = EXACT_NODE_WIDTH;
+    for (std::uint32_t i = 0; i < cut.count; ++i) {
+      const BvhNode& node = bvh.nodes[cut.nodes[i]];
+      if (node.count == 0 && node.bounds.surface_area() > largest) {
+        largest = node.bounds.surface_area();
+        open = i;
+      }
+    }
+    if (open == EXACT_NODE_WIDTH) break;  // leaves only
+    const std::uint32_t first = bvh.nodes[cut.nodes[open]].first;
+    cut.nodes[open] = first;
+    cut.nodes[cut.count++] = first + 1;
+  }
+  return cut;
+}
+
+ExactBlock empty_block() {
+  ExactBlock block;
+  std::fill_n(&block.rows[0][0], 9 * EXACT_BLOCK_WIDTH, std::numeric_limits<float>::quiet_NaN());
+  std::fill_n(block.ids, EXACT_BLOCK_WIDTH, RBVH_NO_LEAF);
+  return block;
+}
+
+void put_vector(ExactBlock& block, std::size_t row, std::size_t lane, const Vec3f& v) {
+  for (std::size_t axis = 0; axis < 3; ++axis) block.rows[row + axis][lane] = v[static_cast<int>(axis)];
+}
+
+void fill_block(const SahBvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBlock& block) {
+  RBVH_CHECK(leaf.count <= EXACT_BLOCK_WIDTH);
+  for (std::uint32_t lane = 0; lane < leaf.count; ++lane) {
+    const std::uint32_t id = bvh.order[leaf.first + lane];
+    block.ids[lane] = id;
+    if (scan.is_cloud()) {
+      put_vector(block, 0, lane, scan.positions[id]);
+      put_vector(block, 3, lane, static_cast<Vec3f>(normalized(static_cast<Vec3d>(scan.normals[id]))));
+      block.rows[6][lane] = scan.radii[id];
+    } else {
+      for (std::size_t corner = 0; corner < 3; ++corner) {
+        put_vector(block, 3 * corner, lane, scan.positions[scan.triangles[id][corner]]);
+      }
+    }
+  }
+}
+
+Bounds3f triangle_bounds(const Scan& scan, const Triangle& triangle) {
+  const Vec3f &a = scan.positions[triangle[0]], &b = scan.positions[triangle[1]],
+              &c = scan.positions[triangle[2]];
+  const auto ab = static_cast<Vec3d>(b) - static_cast<Vec3d>(a),
+             ac = static_cast<Vec3d>(c) - static_cast<Vec3d>(a);
+  const double area = length(cross(ab, ac));
+  Bounds3f box;
+  if (!(area > 0) || !std::isfinite(area)) return box;
+  box.add(a);
+  box.add(b);
+  box.add(c);
+  return box;
+}
+
+Bounds3f disc_bounds(const Vec3f& position, const Vec3f& normal, float radius) {
+  const Vec3d n = normalized(static_cast<Vec3d>(normal));
+  Bounds3f box;
+  if (!is_finite(position) || !is_finite(n) || !(dot(n, n) > 0) || !(radius > 0) || !std::isfinite(radius))
+    return box;
+  const auto half = [&](double along) {  // rounded outwards
+    return static_cast<float>(radius * std::sqrt(std::max(0.0, 1.0 - along * along)) * (1 + 1e-6));
+  };
+  const Vec3f e = {half(n.x), half(n.y), half(n.z)};
+  box.add(position - e);
+  box.add(position + e);
+  return box;
+}
+
+}  // namespace
+
+std::vector<Bounds3f> primitive_bounds(const Scan& scan) {
+  std::vector<Bounds3f> boxes(scan.is_cloud() ? scan.positions.size() : scan.triangles.size());
+  parallel_for(boxes.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      boxes[i] = scan.is_cloud() ? disc_bounds(scan.positions[i], scan.normals[i], scan.radii[i])
+                                 : triangle_bounds(scan, scan.triangles[i]);
+    }
+  });
+  return boxes;
+}
+
+ExactLayout flatten_exact(const SahBvh& bvh, const Scan& scan) {
+  ExactLayout layout;
+  layout.scene.root = EXACT_LEAF_BIT;  // the empty block
+  std::vector<std::uint32_t> leaves;   // binary leaf of block i + 1
+  const auto child_of = [&](std::uint32_t binary, auto&& inner) {
+    if (bvh.nodes[binary].count == 0) return inner();
+    leaves.push_back(binary);
+    return EXACT_LEAF_BIT | static_cast<std::uint32_t>(leaves.size());
+  };
+
+  struct Open {
+    std::uint32_t binary, wide, stack;  ///< stack: entries in use when it is visited
+  };
+  std::vector<Open> open;
+  if (!bvh.nodes.empty()) {
+    const Bounds3f& b = bvh.nodes[0].bounds;
+    for (int axis = 0; axis < 3; ++axis) {
+      layout.scene.lo[axis] = b.lo[axis];
+      layout.scene.hi[axis] = b.hi[axis];
+    }
+    layout.scene.root = child_of(0, [&] {
+      open.push_back({0, 0, 0});
+      return 0u;
+    });
+  }
+  layout.nodes.resize(1);
+  for (std::size_t at = 0; at < open.size(); ++at) {  // breadth first
+    const Open item = open[at];
+    const Cut cut = widen(bvh, item.binary);
+    const std::uint32_t stack = item.stack + cut.count - 1;
+    layout.stack = std::max(layout.stack, stack);
+    ExactNode node;
+    std::fill_n(&node.planes[0][0], 6 * EXACT_NODE_WIDTH, kFar);
+    std::fill_n(node.children, EXACT_NODE_WIDTH, EXACT_LEAF_BIT);
+    for (std::uint32_t slot = 0; slot < cut.count; ++slot) {
+      const Bounds3f& b = bvh.nodes[cut.nodes[slot]].bounds;
+      for (int axis = 0; axis < 3; ++axis) {
+        node.planes[axis][slot] = b.lo[axis];
+        node.planes[axis + 3][slot] = b.hi[axis];
+      }
+      node.children[slot] = child_of(cut.nodes[slot], [&] {
+        const auto wide = static_cast<std::uint32_t>(open.size());
+        open.push_back({cut.nodes[slot], wide, stack});
+        return wide;
+      });
+    }
+    if (layout.nodes.size() < open.size()) layout.nodes.resize(open.size());
+    layout.nodes[item.wide] = node;
+  }
+
+  layout.blocks.assign(leaves.size() + 1, empty_block());
+  parallel_for(leaves.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      fill_block(bvh, bvh.nodes[leaves[i]], scan, layout.blocks[i + 1]);
+  });
+  return layout;
+}
+
+}  // namespace rbvh

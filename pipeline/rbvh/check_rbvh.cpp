@@ -1,0 +1,162 @@
+#include "pipeline/rbvh/check_rbvh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "pipeline/rbvh/top_tree.h"
+
+namespace rbvh {
+namespace {
+
+using Fault = std::optional<std::string>;
+
+std::string number(std::uint64_t n) { return std::to_string(n); }
+
+bool is_coordinate(float value) { return std::abs(value) <= kLargestValue; }  // false for NaN
+
+bool is_box(const float* lo, const float* hi) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (!is_coordinate(lo[axis]) || !is_coordinate(hi[axis]) || !(lo[axis] <= hi[axis])) return false;
+  return true;
+}
+
+bool is_box(const Bounds3f& b) { return is_box(&b.lo.x, &b.hi.x); }
+
+// Names become parts of file names ({level}) and of subimage names.
+bool is_name(const std::string& name) {
+  return !name.empty() && name.size() <= 32 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+bool is_invertible(const float* m) {
+  Vec3d row[3];
+  double size[3];
+  for (int i = 0; i < 3; ++i) {
+    row[i] = {m[4 * i], m[4 * i + 1], m[4 * i + 2]};
+    size[i] = length(row[i]);
+    if (!(size[i] >= 1 / kLargestValue && size[i] <= kLargestValue)) return false;
+  }
+  for (int i = 0; i < 3; ++i) {
+    const int k = (i + 1) % 3;
+    if (!(std::abs(dot(row[i], row[k])) <= 1e-3 * size[i] * size[k])) return false;
+  }
+  return true;
+}
+
+Fault find_tree_fault(const Level& level) {
+  const std::size_t nodes = level.nodes.size(), leaves = level.leaves.size();
+  if (leaves == 0) return "has no leaf";
+  if (nodes != 2 * leaves - 1)
+    return "has " + number(nodes) + " nodes where " + number(leaves) + " leaves need " +
+           number(2 * leaves - 1);
+  std::vector<std::uint8_t> depth(nodes, 255), leaf_seen(leaves, 0);  // 255: no parent yet
+  depth[0] = 0;
+  for (std::size_t i = 0; i < nodes; ++i) {
+    const RbvhNode& node = level.nodes[i];
+    if (depth[i] == 255) return "node " + number(i) + " has no parent before it";
+    if (!is_box(node.lo, node.hi)) return "node " + number(i) + " has a box that is inverted or not finite";
+    if (node.count > 1)
+      return "node " + number(i) + " has " + number(node.count) + " leaves; it may have one";
+    if (node.count == 1) {
+      if (node.first >= leaves)
+        return "node " + number(i) + " names leaf " + number(node.first) + " of " + number(leaves);
+      if (leaf_seen[node.first]++ != 0) return "leaf " + number(node.first) + " belongs to two nodes";
+      continue;
+    }
+    if (node.first <= i || node.first >= nodes - 1)
+      return "node " + number(i) + " names children " + number(node.first) + " and the next, of " +
+             number(nodes) + " nodes; they must come after it";
+    if (depth[i] >= kMaxTopTreeDepth)
+      return "node " + number(i) + " has children deeper than " + number(kMaxTopTreeDepth);
+    for (const std::size_t child : {std::size_t{node.first}, std::size_t{node.first} + 1}) {
+      if (depth[child] != 255) return "node " + number(child) + " has two parents";
+      depth[child] = static_cast<std::uint8_t>(depth[i] + 1);
+    }
+  }
+  return {};
+}
+
+Fault find_tile_fault(const Level& level) {
+  const std::uint32_t width = level.atlas_width, height = level.atlas_height;
+  if (width < 2 || height < 2 || width > 65535 || height > 65535)
+    return "has an atlas of " + number(width) + " x " + number(height) + " texels; 2 to 65535 are possible";
+  std::uint64_t texels = 0;
+  for (std::size_t i = 0; i < level.leaves.size(); ++i) {
+    const RbvhLeaf& leaf = level.leaves[i];
+    if (leaf.width < 2 || leaf.height < 2)
+      return "leaf " + number(i) + " has a tile of " + number(leaf.width) + " x " + number(leaf.height) +
+             " texels; at least 2 are needed";
+    if (std::uint32_t{leaf.x} + leaf.width > width || std::uint32_t{leaf.y} + leaf.height > height)
+      return "leaf " + number(i) + " has a tile that reaches out of the atlas";
+    if (!std::all_of(leaf.to_tile, leaf.to_tile + 12, [](float v) { return std::isfinite(v); }))
+      return "leaf " + number(i) + " has a map to its tile that is not finite";
+    if (!is_invertible(leaf.to_tile))
+      return "leaf " + number(i) + " has a map to its tile that cannot be inverted";
+    texels += std::uint64_t{leaf.width} * leaf.height;
+  }
+  if (texels > std::uint64_t{width} * height)
+    return "has tiles that overlap: " + number(texels) + " texels in an atlas of " +
+           number(std::uint64_t{width} * height);
+  if (level.texels_used > texels)
+    return "says that " + number(level.texels_used) + " of " + number(texels) + " texels are used";
+  return {};
+}
+
+Fault find_level_fault(const Level& level) {
+  for (const float value : {level.rho, level.alpha, level.phi_degrees})
+    if (!std::isfinite(value)) return "has a parameter that is not finite";
+  if (!is_box(level.bounds)) return "has bounds that are inverted or not finite";
+  if (level.layers.empty() || level.layers.size() > kMaxLayers)
+    return "has " + number(level.layers.size()) + " layers; 1 to " + number(kMaxLayers) + " are possible";
+  std::set<std::string> names;
+  for (const Layer& layer : level.layers) {
+    if (!is_name(layer.name) || !names.insert(layer.name).second)
+      return "has a layer whose name is not letters, digits, _ and -, or is there twice";
+    if (layer.channels < 1 || layer.channels > kMaxChannels)
+      return "layer " + layer.name + " has " + number(layer.channels) + " channels; 1 to " +
+             number(kMaxChannels) + " are possible";
+  }
+  if (level.layers[0].name != "height" || level.layers[0].channels != 1)
+    return "does not begin with a layer height of one channel";
+  if (level.fidelity.measured)
+    for (const float value :
+         {level.fidelity.mask_mismatch_percent, level.fidelity.median_dt, level.fidelity.p99_dt})
+      if (!(value >= 0)) return "has a measured fidelity that is no number";
+  if (Fault fault = find_tree_fault(level)) return fault;
+  return find_tile_fault(level);
+}
+
+}  // namespace
+
+std::optional<std::string> find_fault(const Rbvh& rbvh) {
+  const RbvhSource& source = rbvh.source;
+  if (!std::isfinite(source.area) || source.area < 0 || !is_finite(source.shift) || !is_box(source.bounds))
+    return "the source has an area, a shift or bounds that are not finite";
+  if (rbvh.levels.empty() || rbvh.levels.size() > kMaxLevels)
+    return "there are " + number(rbvh.levels.size()) + " levels; 1 to " + number(kMaxLevels) +
+           " are possible";
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
+    const Level& level = rbvh.levels[i];
+    if (!is_name(level.name) || !names.insert(level.name).second)
+      return "level number " + number(i) +
+             " has a name that is not letters, digits, _ and -, or is there twice";
+    if (const Fault fault = find_level_fault(level)) return "level " + level.name + ": " + *fault;
+  }
+  return {};
+}
+
+std::optional<std::string> find_texel_fault(const Rbvh& rbvh) {
+  for (const Level& level : rbvh.levels)
+    for (const Layer& layer : level.layers) {
+      const std::uint64_t wanted = std::uint64_t{level.atlas_width} * level.atlas_height * layer.channels;
+      if (layer.texels.size() != wanted)
+        return "level " + level.name + ": layer " + layer.name + " has " + number(layer.texels.size()) +
+               " values where its atlas needs " + number(wanted);
+    }
+  return {};
+}
+
+}  // namespace rbvh

@@ -1,0 +1,334 @@
+#include "pipeline/render/shade.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+#include "pipeline/render/camera.h"
+#include "pipeline/scan/vertex_normals.h"
+
+namespace rbvh {
+namespace {
+
+constexpr std::size_t kRows = 8;
+
+// The look. Colours are linear light.
+constexpr Vec3f kClay{0.62f, 0.58f, 0.53f};
+constexpr Vec3f kBackTint{0.62f, 0.66f, 0.74f};  // the inside of a surface is darker and cooler
+constexpr Vec3f kKey{0.80f, 0.77f, 0.72f}, kSky{0.42f, 0.47f, 0.55f}, kGround{0.13f, 0.115f, 0.10f};
+constexpr float kFill = 0.16f, kRim = 0.10f, kGloss = 0.05f, kGlossExponent = 24;
+constexpr float kValley = 0.30f, kRidge = 0.12f;
+
+constexpr float kPixelsAtWhichReliefIsSought[] = {1, 2.5f, 6};  // for 1024 rows
+
+Vec3f array3(const float a[3]) { return {a[0], a[1], a[2]}; }
+bool is_hit(const Hit& hit) { return std::isfinite(hit.t); }
+Vec3f times(Vec3f a, Vec3f b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
+Vec3f mix(Vec3f a, Vec3f b, float t) { return a * (1 - t) + b * t; }
+
+// How far a pixel lies in a valley (positive) or on a ridge (negative): the mean of opposite pixels' 1/t
+// against its own, which is zero on any plane, in units of the slope that makes. About [-1, 1]; steps in
+// depth are cut off.
+float relief(std::span<const Hit> hits, std::size_t width, std::size_t height, std::size_t x, std::size_t y,
+             int radius, float pixel_angle) {
+  const Hit& center = hits[y * width + x];
+  if (!(center.t > 0)) return 0;
+  const float inverse = 1 / center.t;
+  const std::ptrdiff_t w = static_cast<std::ptrdiff_t>(width), h = static_cast<std::ptrdiff_t>(height);
+  const std::ptrdiff_t px = static_cast<std::ptrdiff_t>(x), py = static_cast<std::ptrdiff_t>(y);
+  constexpr std::ptrdiff_t kDirections[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+  float sum = 0;
+  for (const auto& [dx, dy] : kDirections) {
+    const std::ptrdiff_t ax = px + dx * radius, ay = py + dy * radius, bx = px - dx * radius,
+                         by = py - dy * radius;
+    if (std::min(ax, bx) < 0 || std::max(ax, bx) >= w || std::min(ay, by) < 0 || std::max(ay, by) >= h)
+      continue;
+    const float ta = hits[static_cast<std::size_t>(ay * w + ax)].t,
+                tb = hits[static_cast<std::size_t>(by * w + bx)].t;
+    if (!std::isfinite(ta) || !std::isfinite(tb)) continue;
+    const float bend =
+        (0.5f / ta + 0.5f / tb - inverse) * center.t / (pixel_angle * static_cast<float>(radius));
+    sum += std::clamp(bend, -1.f, 1.f);
+  }
+  return sum / 4;
+}
+
+struct Lights {
+  Vec3f key, up;
+};
+
+Vec3f light(Vec3f albedo, Vec3f normal, Vec3f view, const Lights& lights) {
+  const float facing = std::clamp(dot(normal, view), 0.f, 1.f);
+  const float key = std::max(0.f, dot(normal, lights.key));
+  const Vec3f sky = mix(kGround, kSky, 0.5f + 0.5f * dot(normal, lights.up));
+  const Vec3f halfway = normalized(lights.key + view);
+  const float gloss = kGloss * std::pow(std::max(0.f, dot(normal, halfway)), kGlossExponent);
+  const float away = 1 - facing;
+  return times(albedo, kKey * key + sky + Vec3f{kFill, kFill, kFill} * facing) +
+         sky * (kRim * away * away * away) + kKey * gloss;
+}
+
+const std::array<float, 256>& srgb_table() {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> t{};
+    for (std::size_t i = 0; i < 256; ++i) t[i] = srgb_to_linear(static_cast<float>(i) / 255);
+    return t;
+  }();
+  return table;
+}
+
+Vec3f linear_color(const Color8& c) { return {srgb_table()[c[0]], srgb_table()[c[1]], srgb_table()[c[2]]}; }
+
+Vec3f unpack_normal(std::uint16_t packed) {
+  const float x = (static_cast<float>(packed & 255) - 128) / 127,
+              y = (static_cast<float>(packed >> 8) - 128) / 127;
+  Vec3f n{x, y, 1 - std::abs(x) - std::abs(y)};
+  if (n.z < 0) {
+    n.x = (1 - std::abs(y)) * (x < 0 ? -1.f : 1.f);
+    n.y = (1 - std::abs(x)) * (y < 0 ? -1.f : 1.f);
+  }
+  return normalized(n);
+}
+
+Vec3f unpack_color(std::uint16_t packed) {
+  return {srgb_to_linear(static_cast<float>(packed >> 11) / 31),
+          srgb_to_linear(static_cast<float>((packed >> 5) & 63) / 63),
+          srgb_to_linear(static_cast<float>(packed & 31) / 31)};
+}
+
+const Layer* find_layer(const Level& level, std::string_view name) {
+  for (const Layer& layer : level.layers)
+    if (layer.name == name) return &layer;
+  return nullptr;
+}
+
+// A hit's four texels in the atlas and how much each counts; those without a surface count nothing.
+struct Footprint {
+  std::array<std::size_t, 4> texels{};
+  std::array<float, 4> weights{};
+};
+Footprint footprint(const Level& level, const std::vector<std::uint16_t>& heights, const Hit& hit) {
+  const RbvhLeaf& leaf = level.leaves[hit.leaf];
+  const float u = std::clamp(hit.u, 0.f, 1.f) * static_cast<float>(leaf.width - 1);
+  const float v = std::clamp(hit.v, 0.f, 1.f) * static_cast<float>(leaf.height - 1);
+  const std::size_t x = std::min(static_cast<std::size_t>(u), std::size_t{leaf.width} - 2);
+  const std::size_t y = std::min(static_cast<std::size_t>(v), std::size_t{leaf.height} - 2);
+  const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
+  Footprint f;
+  f.weights = {(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv};
+  for (std::size_t i = 0; i < 4; ++i) {
+    f.texels[i] = (leaf.y + y + i / 2) * level.atlas_width + leaf.x + x + i % 2;
+    if (heights[f.texels[i]] == 0) f.weights[i] = 0;
+  }
+  return f;
+}
+
+// Fully saturated, well apart for neighbouring numbers.
+Vec3f distinct_color(std::uint32_t n) {
+  n = (n ^ (n >> 16)) * 0x7feb352du;
+  n = (n ^ (n >> 15)) * 0x846ca68bu;
+  n ^= n >> 16;
+  const auto channel = [n](int shift) { return 0.2f + 0.75f * static_cast<float>((n >> shift) & 255) / 255; };
+  return {channel(0), channel(8), channel(16)};
+}
+
+// Dark blue, teal, green, yellow: like viridis, even to the eye.
+Vec3f ramp(float t) {
+  static const Vec3f kStops[] = {{0.267f, 0.005f, 0.329f},
+                                 {0.231f, 0.322f, 0.545f},
+                                 {0.129f, 0.569f, 0.549f},
+                                 {0.369f, 0.788f, 0.384f},
+                                 {0.993f, 0.906f, 0.144f}};
+  const float at = std::clamp(t, 0.f, 1.f) * 4;
+  const std::size_t i = std::min<std::size_t>(3, static_cast<std::size_t>(at));
+  return mix(kStops[i], kStops[i + 1], at - static_cast<float>(i));
+}
+
+void put(float* pixel, Vec3f color) {
+  pixel[0] = color.x;
+  pixel[1] = color.y;
+  pixel[2] = color.z;
+}
+
+}  // namespace
+
+std::optional<Aov> find_aov(std::string_view name) {
+  static const std::pair<std::string_view, Aov> kNames[] = {
+      {"shaded", Aov::kShaded},     {"normal", Aov::kNormal}, {"depth", Aov::kDepth},
+      {"position", Aov::kPosition}, {"leaf", Aov::kLeaf},     {"steps", Aov::kSteps}};
+  for (const auto& [known, aov] : kNames)
+    if (name == known) return aov;
+  return std::nullopt;
+}
+
+std::vector<Vec3f> shading_normals(const Scan& scan) {
+  return scan.normals.empty() ? vertex_normals(scan) : scan.normals;
+}
+
+SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, std::span<const Hit> hits) {
+  SurfaceSamples samples;
+  samples.normals.resize(hits.size());
+  const bool has_colors = !scan.colors.empty();
+  if (has_colors) samples.colors.resize(hits.size());
+  parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Hit& hit = hits[i];
+      if (!is_hit(hit)) continue;
+      // A disc is a triangle with one corner that counts.
+      Triangle corners{hit.leaf, hit.leaf, hit.leaf};
+      if (!scan.is_cloud()) corners = scan.triangles[hit.leaf];
+      const float weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
+      Vec3f normal{}, color{};
+      for (std::size_t k = 0; k < 3; ++k) {
+        normal = normal + normals[corners[k]] * weights[k];
+        if (has_colors) color = color + linear_color(scan.colors[corners[k]]) * weights[k];
+      }
+      normal = normalized(normal);
+      samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
+      if (has_colors) samples.colors[i] = color;
+    }
+  });
+  return samples;
+}
+
+SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
+  const Layer *heights = find_layer(level, "height"), *normals = find_layer(level, "normal"),
+              *colors = find_layer(level, "color");
+  RBVH_CHECK(heights != nullptr);
+  SurfaceSamples samples;
+  samples.normals.resize(hits.size());
+  if (colors) samples.colors.resize(hits.size());
+  parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Hit& hit = hits[i];
+      if (!is_hit(hit)) continue;
+      const Footprint f = footprint(level, heights->texels, hit);
+      Vec3f normal{}, color{};
+      float weight = 0;
+      for (std::size_t k = 0; k < 4; ++k) {
+        if (!(f.weights[k] > 0)) continue;
+        weight += f.weights[k];
+        if (normals) normal = normal + unpack_normal(normals->texels[f.texels[k]]) * f.weights[k];
+        if (colors) color = color + unpack_color(colors->texels[f.texels[k]]) * f.weights[k];
+      }
+      normal = normalized(normal);
+      samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
+      if (colors) samples.colors[i] = weight > 0 ? color * (1 / weight) : kClay;
+    }
+  });
+  return samples;
+}
+
+Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up) {
+  const std::size_t width = rays.width, height = rays.height;
+  RBVH_CHECK(hits.size() == width * height && surface.normals.size() == hits.size());
+  Image image = make_image(Image::Kind::kColor, rays.width, rays.height, {"R", "G", "B", "A"});
+  const Vec3f forward = pixel_direction(rays, rays.width / 2, rays.height / 2);
+  const Vec3f image_up = -normalized(array3(rays.up)), image_right = normalized(array3(rays.right));
+  const Lights lights{normalized(forward * -0.75f + image_up * 0.5f - image_right * 0.4f), up};
+  const float pixel_angle = length(array3(rays.up));
+  int radii[std::size(kPixelsAtWhichReliefIsSought)];
+  for (std::size_t i = 0; i < std::size(radii); ++i)
+    radii[i] = std::max(1, static_cast<int>(std::lround(kPixelsAtWhichReliefIsSought[i] *
+                                                        static_cast<float>(height) / 1024)));
+
+  parallel_for(height, kRows, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y)
+      for (std::size_t x = 0; x < width; ++x) {
+        const std::size_t i = y * width + x;
+        const Hit& hit = hits[i];
+        if (!is_hit(hit)) continue;
+        const Vec3f view =
+            -pixel_direction(rays, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+        const bool from_behind = dot(array3(hit.normal), view) < 0;
+        Vec3f normal = from_behind ? -surface.normals[i] : surface.normals[i];
+        // A smooth normal may turn away at the silhouette, where the surface itself does not.
+        const float facing = dot(normal, view);
+        if (facing < 0) normal = normalized(normal - view * facing);
+        Vec3f albedo = surface.colors.empty() ? kClay : surface.colors[i];
+        if (from_behind) albedo = times(albedo, kBackTint);
+
+        float bend = 0;
+        for (const int radius : radii) bend += relief(hits, width, height, x, y, radius, pixel_angle);
+        bend = std::clamp(bend, -1.f, 1.f);
+        const float cavity = bend > 0 ? 1 - kValley * bend : 1 - kRidge * bend;
+        const Vec3f color = light(albedo, normal, view, lights) * cavity;
+        float* out = image.at(x, y);
+        for (int c = 0; c < 3; ++c) out[c] = std::clamp(color[c], 0.f, 1.f);
+        out[3] = 1;
+      }
+  });
+  return image;
+}
+
+Image data_image(Aov aov, const CameraRays& rays, std::span<const Hit> hits) {
+  const std::size_t width = rays.width;
+  RBVH_CHECK(hits.size() == width * rays.height);
+  std::vector<std::string> channels;
+  if (aov == Aov::kNormal) channels = {"N.X", "N.Y", "N.Z"};
+  if (aov == Aov::kDepth) channels = {"Z"};
+  if (aov == Aov::kPosition) channels = {"P.X", "P.Y", "P.Z"};
+  if (aov == Aov::kLeaf) channels = {"leaf"};
+  RBVH_CHECK(!channels.empty());
+  Image image = make_image(Image::Kind::kData, rays.width, rays.height, std::move(channels));
+  constexpr float kNowhere = std::numeric_limits<float>::infinity();
+  parallel_for(rays.height, kRows, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y)
+      for (std::size_t x = 0; x < width; ++x) {
+        const Hit& hit = hits[y * width + x];
+        const bool found = is_hit(hit);
+        float* out = image.at(x, y);
+        if (aov == Aov::kNormal) put(out, found ? array3(hit.normal) : Vec3f{});
+        if (aov == Aov::kDepth) *out = found ? hit.t : kNowhere;
+        if (aov == Aov::kLeaf) *out = found ? static_cast<float>(hit.leaf) : -1;
+        if (aov == Aov::kPosition) {
+          const Vec3f direction =
+              pixel_direction(rays, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+          put(out, found ? array3(rays.position) + direction * hit.t : Vec3f{kNowhere, kNowhere, kNowhere});
+        }
+      }
+  });
+  return image;
+}
+
+Image steps_image(const CameraRays& rays, std::span<const std::uint32_t> steps) {
+  Image image = make_image(Image::Kind::kData, rays.width, rays.height, {"steps"});
+  RBVH_CHECK(steps.size() == image.pixels.size());
+  std::transform(steps.begin(), steps.end(), image.pixels.begin(),
+                 [](std::uint32_t s) { return static_cast<float>(s); });
+  return image;
+}
+
+Image shown_image(Aov aov, const Image& data) {
+  if (aov == Aov::kDepth || aov == Aov::kPosition)
+    throw Error(ExitCode::kUsage, "", "depth and position are written as .exr only");
+  Image image = make_image(Image::Kind::kShown, data.width, data.height, {"R", "G", "B", "A"});
+  const std::size_t pixels = std::size_t{data.width} * data.height;
+  float most = 1;
+  if (aov == Aov::kSteps && pixels > 0) {
+    std::vector<float> sorted = data.pixels;
+    const auto nth = sorted.begin() + static_cast<std::ptrdiff_t>((pixels - 1) * 999 / 1000);
+    std::nth_element(sorted.begin(), nth, sorted.end());
+    most = std::max(1.f, *nth);
+  }
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const float* in = &data.pixels[i * data.channels.size()];
+    float* out = &image.pixels[i * 4];
+    bool found = true;
+    if (aov == Aov::kNormal) {
+      found = in[0] != 0 || in[1] != 0 || in[2] != 0;
+      if (found) put(out, {in[0] * 0.5f + 0.5f, in[1] * 0.5f + 0.5f, in[2] * 0.5f + 0.5f});
+    } else if (aov == Aov::kLeaf) {
+      found = in[0] >= 0;
+      if (found) put(out, distinct_color(static_cast<std::uint32_t>(in[0])));
+    } else {
+      put(out, ramp(in[0] / most));
+    }
+    out[3] = found ? 1.f : 0.f;
+  }
+  return image;
+}
+
+}  // namespace rbvh

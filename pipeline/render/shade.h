@@ -1,0 +1,54 @@
+// From hits to pictures: the shaded view and the other AOVs.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "kernels/layout.h"
+#include "pipeline/rbvh/rbvh.h"
+#include "pipeline/render/image.h"
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+enum class Aov { kShaded, kNormal, kDepth, kPosition, kLeaf, kSteps };
+
+/// "shaded", "normal" ..., or nothing for any other word.
+std::optional<Aov> find_aov(std::string_view name);
+
+/// What is shown of the surface at each hit, row by row. Colours are linear light; empty: neutral clay.
+struct SurfaceSamples {
+  std::vector<Vec3f> normals;  ///< smooth, unit, unflipped; zero where nothing is hit
+  std::vector<Vec3f> colors;
+};
+
+/// A scan's smooth normals: its own, or for a mesh without any those of vertex_normals() (as `build` stores
+/// them).
+std::vector<Vec3f> shading_normals(const Scan& scan);
+
+/// Interpolated over the triangle (or constant over the disc) that was hit. `normals` are the scan's
+/// shading_normals().
+SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, std::span<const Hit> hits);
+/// Bilinear over the texels of the level's normal and colour layers that have a surface. The geometric normal
+/// where the level has no such layer.
+SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits);
+
+/// A headlight and a soft sky on clay (or the surface's own colours), from both sides, on a transparent
+/// background; valleys and depth steps are darkened by the depth of the pixels around. R, G, B, A; `up` is
+/// where the sky is.
+Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up);
+
+/// What an AOV other than shaded and steps shows, as numbers for EXR: normal (geometric: N.X N.Y N.Z; 0 for
+/// nothing), depth (Z, distance along the ray in scan units), position (P.X P.Y P.Z), leaf (leaf). +infinity,
+/// for leaf -1, is nothing.
+Image data_image(Aov aov, const CameraRays& rays, std::span<const Hit> hits);
+/// One channel `steps`: nodes and texels visited by each pixel's ray.
+Image steps_image(const CameraRays& rays, std::span<const std::uint32_t> steps);
+
+/// The same for the eye: normals as colours, leaves in distinct colours, steps from blue (none) to yellow
+/// (the 99.9th percentile and more). Throws Error(kUsage) for depth and position, which 8 bits cannot hold.
+Image shown_image(Aov aov, const Image& data);
+
+}  // namespace rbvh

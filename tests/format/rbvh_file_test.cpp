@@ -1,0 +1,528 @@
+// The pair on disk: what is written comes back, in the same bytes each time, and nothing damaged gets in.
+#include "io/rbvh_file.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <limits>
+
+#include "io/output_file.h"
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/top_tree.h"
+#include "tests/format/pair_bytes.h"
+
+namespace rbvh {
+namespace {
+namespace fs = std::filesystem;
+
+class RbvhFileTest : public testing::Test {
+ protected:
+  RbvhFileTest() {
+    std::string pattern = (fs::temp_directory_path() / "rbvh_pair_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+  }
+  ~RbvhFileTest() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::size_t files() const {
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()));
+  }
+  // The one line that reading `name` fails with.
+  std::string refusal(const std::string& name) const {
+    try {
+      read_rbvh(path(name));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::kInput) << error.what();
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+      return error.what();
+    }
+    return {};
+  }
+  // How a.rbvh is refused after `damage` to its bytes and a new seal.
+  std::string refusal_after(const std::function<void(Bytes&)>& damage) const {
+    write_rbvh(path("a.rbvh"), make_small_rbvh(), true);
+    Bytes bytes = read_bytes(path("a.rbvh"));
+    damage(bytes);
+    reseal(bytes);
+    write_bytes(path("a.rbvh"), bytes);
+    return refusal("a.rbvh");
+  }
+  // The same, with a changed struct in the place of the first one that equals `from`.
+  template <class T>
+  std::string refusal_with(const T& from, const std::function<void(T&)>& change) const {
+    return refusal_after([&](Bytes& bytes) {
+      for (std::size_t at = 0; at + sizeof(T) <= bytes.size(); at += 4)
+        if (std::memcmp(bytes.data() + at, &from, sizeof(T)) == 0) {
+          T to = from;
+          change(to);
+          return put(bytes, at, to);
+        }
+      ADD_FAILURE() << "no such struct";
+    });
+  }
+
+  fs::path folder_;
+};
+
+void expect_contains(const std::string& text, const std::string& part) {
+  EXPECT_NE(text.find(part), std::string::npos) << '"' << text << "\" lacks \"" << part << '"';
+}
+
+void expect_equal(const Rbvh& a, const Rbvh& b) {
+  EXPECT_EQ(a.source.name, b.source.name);
+  EXPECT_EQ(a.source.hash, b.source.hash);
+  EXPECT_EQ(a.source.vertices, b.source.vertices);
+  EXPECT_EQ(a.source.triangles, b.source.triangles);
+  EXPECT_EQ(a.source.area, b.source.area);
+  EXPECT_EQ(a.source.shift, b.source.shift);
+  EXPECT_EQ(a.source.units, b.source.units);
+  EXPECT_EQ(a.source.bounds.hi, b.source.bounds.hi);
+  EXPECT_EQ(a.build_options, b.build_options);
+  ASSERT_EQ(a.levels.size(), b.levels.size());
+  for (std::size_t i = 0; i < a.levels.size(); ++i) {
+    const Level &p = a.levels[i], &q = b.levels[i];
+    EXPECT_EQ(p.name, q.name);
+    EXPECT_EQ(p.rho, q.rho);
+    EXPECT_EQ(p.alpha, q.alpha);
+    EXPECT_EQ(p.phi_degrees, q.phi_degrees);
+    EXPECT_EQ(p.bounds.lo, q.bounds.lo);
+    EXPECT_EQ(p.texels_used, q.texels_used);
+    ASSERT_EQ(p.nodes.size(), q.nodes.size());
+    EXPECT_EQ(std::memcmp(p.nodes.data(), q.nodes.data(), p.nodes.size() * sizeof(RbvhNode)), 0);
+    ASSERT_EQ(p.leaves.size(), q.leaves.size());
+    EXPECT_EQ(std::memcmp(p.leaves.data(), q.leaves.data(), p.leaves.size() * sizeof(RbvhLeaf)), 0);
+    ASSERT_EQ(p.layers.size(), q.layers.size());
+    for (std::size_t k = 0; k < p.layers.size(); ++k) {
+      EXPECT_EQ(p.layers[k].name, q.layers[k].name);
+      EXPECT_EQ(p.layers[k].channels, q.layers[k].channels);
+      EXPECT_EQ(p.layers[k].texels, q.layers[k].texels);
+    }
+    EXPECT_EQ(p.fidelity.measured, q.fidelity.measured);
+    if (p.fidelity.measured) {
+      EXPECT_EQ(p.fidelity.mask_mismatch_percent, q.fidelity.mask_mismatch_percent);
+      EXPECT_EQ(p.fidelity.p99_dt, q.fidelity.p99_dt);
+      EXPECT_EQ(p.fidelity.walls, q.fidelity.walls);
+    }
+  }
+}
+
+// An atlas that neither side of a TIFF tile divides, and layers of every channel count.
+Rbvh make_large_rbvh() {
+  Rbvh rbvh = make_small_rbvh();
+  Level& level = rbvh.levels[0];
+  level.atlas_width = 301;
+  level.atlas_height = 157;
+  level.layers = {{"height", 1, {}}, {"two", 2, {}}, {"three", 3, {}}, {"four", 4, {}}};
+  std::uint32_t random = 1;
+  for (Layer& layer : level.layers) {
+    layer.texels.resize(std::size_t{301} * 157 * layer.channels);
+    for (std::uint16_t& texel : layer.texels)
+      texel = static_cast<std::uint16_t>((random = random * 1664525u + 1013904223u) >> 16);
+  }
+  return rbvh;
+}
+
+TEST_F(RbvhFileTest, RoundTrip) {
+  for (const Rbvh& rbvh : {make_small_rbvh(), make_large_rbvh()}) {
+    const RbvhBytes bytes = write_rbvh(path("a.rbvh"), rbvh, true);
+    EXPECT_EQ(bytes.hierarchy, fs::file_size(path("a.rbvh")));
+    EXPECT_EQ(bytes.atlas, fs::file_size(path("a.atlas.tif")));
+    EXPECT_EQ(files(), 2u);
+    PairHeader header;
+    const Rbvh read = read_rbvh(path("a.rbvh"), &header);
+    expect_equal(rbvh, read);
+    EXPECT_EQ(header.major, kFormatMajor);
+    EXPECT_EQ(header.minor, kFormatMinor);
+    EXPECT_EQ(header.hierarchy_bytes, bytes.hierarchy);
+    EXPECT_EQ(header.atlas_bytes, bytes.atlas);
+    std::uint64_t levels = 0;
+    for (std::size_t i = 0; i < read.levels.size(); ++i) {
+      EXPECT_EQ(read.levels[i].stored_bytes, bytes.levels[i]);
+      levels += bytes.levels[i];
+    }
+    EXPECT_LE(levels, bytes.hierarchy + bytes.atlas);
+    EXPECT_GE(levels + 2000, bytes.hierarchy + bytes.atlas);
+  }
+}
+
+TEST_F(RbvhFileTest, NodesAndLeavesLieOnCacheLines) {
+  const Rbvh rbvh = make_small_rbvh();
+  write_rbvh(path("a.rbvh"), rbvh, false);
+  const Bytes bytes = read_bytes(path("a.rbvh"));
+  EXPECT_EQ(std::string(bytes.data() + 4, 4), "RBVH");
+  std::size_t found = 0;
+  for (std::size_t at = 0; at + 5 * 32 <= bytes.size(); at += 64)
+    found += std::memcmp(bytes.data() + at, rbvh.levels[0].nodes.data(), 5 * 32) == 0;
+  for (std::size_t at = 0; at + 3 * 64 <= bytes.size(); at += 64)
+    found += std::memcmp(bytes.data() + at, rbvh.levels[0].leaves.data(), 3 * 64) == 0;
+  EXPECT_EQ(found, 4u);  // both vectors of both levels
+}
+
+TEST_F(RbvhFileTest, IdenticalBytes) {
+  const Rbvh rbvh = make_large_rbvh();
+  set_thread_count(1);
+  write_rbvh(path("a.rbvh"), rbvh, false);
+  set_thread_count(4);
+  fs::create_directory(path("elsewhere"));
+  setenv("SOURCE_DATE_EPOCH", "12345", 1);
+  sleep(1);  // a time stamp would differ
+  write_rbvh(path("elsewhere/b.rbvh"), rbvh, false);
+  set_thread_count(0);
+  EXPECT_EQ(read_bytes(path("a.rbvh")), read_bytes(path("elsewhere/b.rbvh")));
+  EXPECT_EQ(read_bytes(path("a.atlas.tif")), read_bytes(path("elsewhere/b.atlas.tif")));
+}
+
+TEST_F(RbvhFileTest, NothingLeaksIntoTheAtlas) {
+  write_rbvh(path("a.rbvh"), make_small_rbvh(), false);
+  const Bytes bytes = read_bytes(path("a.atlas.tif"));
+  const std::string text(bytes.begin(), bytes.end());
+  for (const std::string& leak :
+       {std::string("OpenImageIO"), folder_.filename().string(), std::string("tmp.")})
+    EXPECT_EQ(text.find(leak), std::string::npos) << leak;
+  expect_contains(text, "Q1.normal");
+}
+
+TEST_F(RbvhFileTest, EveryTruncationIsRefused) {
+  write_rbvh(path("a.rbvh"), make_small_rbvh(), false);
+  for (const char* name : {"a.rbvh", "a.atlas.tif"}) {
+    const Bytes whole = read_bytes(path(name));
+    for (std::size_t size = 0; size < whole.size(); ++size) {
+      write_bytes(path(name), Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)));
+      ASSERT_NE(refusal("a.rbvh"), "") << name << " cut to " << size;
+    }
+    write_bytes(path(name), whole);
+  }
+  EXPECT_EQ(refusal("a.rbvh"), "");
+}
+
+TEST_F(RbvhFileTest, EveryFlippedByteIsRefused) {
+  write_rbvh(path("a.rbvh"), make_small_rbvh(), false);
+  for (const char* name : {"a.rbvh", "a.atlas.tif"}) {
+    const Bytes whole = read_bytes(path(name));
+    for (std::size_t at = 0; at < whole.size(); ++at) {
+      Bytes bytes = whole;
+      bytes[at] = static_cast<char>(bytes[at] ^ (1 << at % 8));
+      write_bytes(path(name), bytes);
+      ASSERT_NE(refusal("a.rbvh"), "") << name << " at " << at;
+    }
+    write_bytes(path(name), whole);
+  }
+  EXPECT_EQ(refusal("a.rbvh"), "");
+}
+
+TEST_F(RbvhFileTest, SaysWhatIsWrongWithTheFiles) {
+  expect_contains(refusal("missing.rbvh"), "missing.rbvh");
+  write_rbvh(path("a.rbvh"), make_small_rbvh(), false);
+  Bytes bytes = read_bytes(path("a.rbvh")), atlas = read_bytes(path("a.atlas.tif"));
+
+  bytes.pop_back();
+  write_bytes(path("a.rbvh"), bytes);
+  expect_contains(refusal("a.rbvh"), "is cut");
+  bytes.resize(bytes.size() + 3);
+  write_bytes(path("a.rbvh"), bytes);
+  expect_contains(refusal("a.rbvh"), "2 bytes too many");
+  write_bytes(path("a.rbvh"), Bytes(100, 'x'));
+  expect_contains(refusal("a.rbvh"), "is no .rbvh file");
+
+  write_rbvh(path("a.rbvh"), make_small_rbvh(), true);
+  atlas[atlas.size() / 2] ^= 1;
+  write_bytes(path("a.atlas.tif"), atlas);
+  expect_contains(refusal("a.rbvh"), "damaged");
+  fs::remove(path("a.atlas.tif"));
+  expect_contains(refusal("a.rbvh"), "without its atlas");
+}
+
+TEST_F(RbvhFileTest, AtlasOfAnotherPairIsRefused) {
+  write_rbvh(path("a.rbvh"), make_small_rbvh(0), false);
+  write_rbvh(path("b.rbvh"), make_small_rbvh(1), false);
+  fs::rename(path("b.atlas.tif"), path("a.atlas.tif"));
+  expect_contains(refusal("a.rbvh"), "belongs to another pair");
+}
+
+TEST_F(RbvhFileTest, Versions) {
+  const auto with_version = [&](std::uint16_t major, std::uint16_t minor) {
+    return refusal_after([&](Bytes& bytes) {
+      put(bytes, find_seal(bytes).value() + 16, major);
+      put(bytes, find_seal(bytes).value() + 18, minor);
+    });
+  };
+  expect_contains(with_version(kFormatMajor + 1, 0), "newer than the 1.x that this rbvh reads");
+  EXPECT_EQ(with_version(kFormatMajor, 0), "");      // the oldest minor
+  EXPECT_EQ(with_version(kFormatMajor, 65535), "");  // newer minors only add
+  EXPECT_NE(with_version(0, 9), "");
+}
+
+// A pair written by an earlier build of this format stays readable.
+TEST_F(RbvhFileTest, FirstVersionStillLoads) {
+  const std::string kept = std::string(RBVH_DATA) + "/pairs/format_1_0.rbvh";
+  expect_equal(make_small_rbvh(), read_rbvh(kept));
+}
+
+TEST_F(RbvhFileTest, HostileNodes) {
+  const RbvhNode root = make_small_rbvh().levels[0].nodes[0], leaf = make_small_rbvh().levels[0].nodes[1];
+  const auto node = [&](const RbvhNode& from, std::function<void(RbvhNode&)> change) {
+    return refusal_with<RbvhNode>(from, change);
+  };
+  expect_contains(node(root, [](RbvhNode& n) { n.first = 0; }), "come after");
+  expect_contains(node(root, [](RbvhNode& n) { n.first = 4; }), "of 5 nodes");
+  expect_contains(node(root, [](RbvhNode& n) { n.first = 0xffffffffu; }), "of 5 nodes");
+  expect_contains(node(root, [](RbvhNode& n) { n.first = 2; }), "no parent");
+  expect_contains(node(root, [](RbvhNode& n) { n.first = 3; }), "no parent");
+  expect_contains(node(root, [](RbvhNode& n) { n.count = 2; }), "2 leaves");
+  expect_contains(node(leaf, [](RbvhNode& n) { n.first = 3; }), "leaf 3 of 3");
+  expect_contains(node(leaf, [](RbvhNode& n) { n.first = 2; }), "two nodes");
+  expect_contains(node(leaf, [](RbvhNode& n) { n.count = 0, n.first = 2; }), "two parents");
+  expect_contains(node(leaf, [](RbvhNode& n) { n.lo[1] = 2; }), "inverted");
+  expect_contains(node(leaf, [](RbvhNode& n) { n.hi[2] = std::numeric_limits<float>::infinity(); }),
+                  "not finite");
+  expect_contains(node(leaf, [](RbvhNode& n) { n.lo[0] = std::nanf(""); }), "not finite");
+}
+
+TEST_F(RbvhFileTest, HostileTiles) {
+  const RbvhLeaf first = make_small_rbvh().levels[0].leaves[0];
+  const auto leaf = [&](std::function<void(RbvhLeaf&)> change) {
+    return refusal_with<RbvhLeaf>(first, change);
+  };
+  expect_contains(leaf([](RbvhLeaf& l) { l.width = 1; }), "at least 2");
+  expect_contains(leaf([](RbvhLeaf& l) { l.height = 0; }), "at least 2");
+  expect_contains(leaf([](RbvhLeaf& l) { l.x = 4; }), "out of the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.y = 65535; }), "out of the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.width = 6; }), "overlap");
+  expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[3] = std::nanf(""); }), "not finite");
+  expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[0] = 0; }), "inverted");
+  expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[4] = 2, l.to_tile[5] = 0; }), "inverted");
+  expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[10] = 1e30f; }), "inverted");
+}
+
+TEST_F(RbvhFileTest, HostileVectors) {
+  // The counts of the two vectors of nodes and the two of leaves lie right before them.
+  const Level level = make_small_rbvh().levels[0];
+  const auto with_count = [&](const void* data, std::size_t size, std::uint32_t count) {
+    return refusal_after([&](Bytes& bytes) {
+      for (std::size_t at = 4; at + size <= bytes.size(); at += 4)
+        if (std::memcmp(bytes.data() + at, data, size) == 0) put(bytes, at - 4, count);
+    });
+  };
+  for (const std::uint32_t count : {0u, 1u, 2u, 4u, 6u, 1u << 26, 0xffffffffu}) {
+    EXPECT_NE(with_count(level.nodes.data(), 160, count), "") << count;
+    EXPECT_NE(with_count(level.leaves.data(), 192, count), "") << count;
+  }
+}
+
+TEST_F(RbvhFileTest, WriterRefusesWhatItsReaderWould) {
+  const auto refused = [&](const std::function<void(Rbvh&)>& change) -> std::string {
+    Rbvh rbvh = make_small_rbvh();
+    change(rbvh);
+    try {
+      write_rbvh(path("a.rbvh"), rbvh, true);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::kFailure);
+      EXPECT_EQ(files(), 0u);
+      return error.what();
+    }
+    return {};
+  };
+  expect_contains(refused([](Rbvh& r) { r.levels.clear(); }), "0 levels");
+  expect_contains(refused([](Rbvh& r) { r.levels[1].name = "Q0"; }), "twice");
+  expect_contains(refused([](Rbvh& r) { r.levels[1].name = "../Q1"; }), "letters");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].layers[1].name = ""; }), "letters");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].layers.erase(r.levels[0].layers.begin()); }), "height");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].layers[0].texels.pop_back(); }), "29 values");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].layers[1].channels = 9; }), "9 channels");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].atlas_width = 1; }), "2 to 65535");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].texels_used = 31; }), "31 of 30");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].leaves.pop_back(); }), "need 3");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].leaves.clear(); }), "no leaf");
+  expect_contains(refused([](Rbvh& r) { r.levels[0].rho = std::nanf(""); }), "parameter");
+  expect_contains(refused([](Rbvh& r) { r.levels[1].fidelity.p99_dt = std::nanf(""); }), "fidelity");
+  expect_contains(refused([](Rbvh& r) { r.source.area = std::nan(""); }), "source");
+  expect_contains(refused([](Rbvh& r) { r.build_options = "none"; }), "JSON");
+  expect_contains(refused([](Rbvh& r) { r.build_options = "[]"; }), "JSON");
+  expect_contains(refused([](Rbvh& r) {
+                    r.build_options = R"({"a":)" + std::string(40, '[') + std::string(40, ']') + "}";
+                  }),
+                  "JSON");
+  EXPECT_EQ(refused([](Rbvh&) {}), "");
+}
+
+// A chain of `depth` inner nodes below the root's level.
+Rbvh make_chain(std::uint32_t inner) {
+  Rbvh rbvh = make_small_rbvh();
+  rbvh.levels.resize(1);
+  Level& level = rbvh.levels[0];
+  const RbvhNode box = level.nodes[0];
+  level.nodes.assign(1, box);
+  level.leaves.assign(inner + 1, level.leaves[0]);
+  for (std::uint32_t i = 0; i < inner; ++i) {
+    level.nodes.resize(level.nodes.size() + 2, box);
+    RbvhNode& parent = level.nodes[i == 0 ? 0 : 2 * i];
+    parent.first = 2 * i + 1;
+    parent.count = 0;
+    level.nodes[2 * i + 1].first = i;
+    level.nodes[2 * i + 1].count = 1;
+  }
+  level.nodes.back().first = inner;
+  level.nodes.back().count = 1;
+  level.atlas_width = 3;
+  level.atlas_height = 3 * (inner + 1);
+  level.layers.resize(1);
+  level.layers[0].texels.assign(std::size_t{9} * (inner + 1), 7);
+  for (std::uint32_t i = 0; i <= inner; ++i) level.leaves[i].y = static_cast<std::uint16_t>(3 * i);
+  return rbvh;
+}
+
+TEST_F(RbvhFileTest, DepthIsBounded) {
+  write_rbvh(path("a.rbvh"), make_chain(kMaxTopTreeDepth), false);
+  EXPECT_EQ(refusal("a.rbvh"), "");
+  try {
+    write_rbvh(path("b.rbvh"), make_chain(kMaxTopTreeDepth + 1), false);
+    ADD_FAILURE() << "written";
+  } catch (const Error& error) {
+    expect_contains(error.what(), "deeper than 64");
+  }
+}
+
+// An atlas is bounded by its file, whatever the hierarchy claims and however true the hashes are.
+TEST_F(RbvhFileTest, AtlasOfAnotherSizeIsRefused) {
+  Rbvh rbvh = make_small_rbvh();
+  write_rbvh(path("a.rbvh"), rbvh, true);
+  // The same files, but a hierarchy that claims a larger atlas and carries this atlas's hash.
+  const Bytes atlas = read_bytes(path("a.atlas.tif"));
+  Bytes hierarchy;
+  {
+    Rbvh larger = rbvh;
+    for (Level& level : larger.levels) {
+      level.atlas_width = 60000;
+      for (Layer& layer : level.layers) layer.texels.resize(std::size_t{60000} * level.atlas_height);
+    }
+    write_rbvh(path("b.rbvh"), larger, true);
+    hierarchy = read_bytes(path("b.rbvh"));
+  }
+  const std::uint64_t length = fs::file_size(path("b.atlas.tif"));
+  bool patched = false;
+  for (std::size_t at = 0; at + 16 <= hierarchy.size(); at += 4)
+    if (get<std::uint64_t>(hierarchy, at) == length) {
+      const Bytes other = read_bytes(path("b.atlas.tif"));
+      const std::uint64_t hash = XXH3_64bits(other.data(), other.size());
+      for (std::size_t h = 0; h + 8 <= hierarchy.size(); h += 4)
+        if (get<std::uint64_t>(hierarchy, h) == hash) {
+          put<std::uint64_t>(hierarchy, at, atlas.size());
+          put<std::uint64_t>(hierarchy, h, XXH3_64bits(atlas.data(), atlas.size()));
+          patched = true;
+        }
+    }
+  ASSERT_TRUE(patched);
+  reseal(hierarchy);
+  write_bytes(path("a.rbvh"), hierarchy);
+  const std::string why = refusal("a.rbvh");
+  EXPECT_TRUE(why.find("Q0.height is not the 60000 x 5") != std::string::npos ||
+              why.find("too small") != std::string::npos)
+      << why;
+}
+
+TEST_F(RbvhFileTest, ReplacesOnlyWhenAsked) {
+  write_rbvh(path("a.rbvh"), make_small_rbvh(0), false);
+  EXPECT_THROW(write_rbvh(path("a.rbvh"), make_small_rbvh(1), false), Error);
+  EXPECT_THROW(check_rbvh_output(path("a.rbvh"), false), Error);
+  expect_equal(make_small_rbvh(0), read_rbvh(path("a.rbvh")));
+  fs::remove(path("a.rbvh"));
+  EXPECT_THROW(write_rbvh(path("a.rbvh"), make_small_rbvh(1), false), Error);  // the atlas is somebody's, too
+  EXPECT_EQ(files(), 1u);
+  check_rbvh_output(path("a.rbvh"), true);
+  write_rbvh(path("a.rbvh"), make_small_rbvh(1), true);
+  expect_equal(make_small_rbvh(1), read_rbvh(path("a.rbvh")));
+  EXPECT_EQ(files(), 2u);
+}
+
+// Whatever moment a replacement is cut off at, what is there is the old pair, the new one, or refused.
+TEST_F(RbvhFileTest, ReplacingIsWholeOrRefused) {
+  const Rbvh old_pair = make_small_rbvh(0), new_pair = make_small_rbvh(1);
+  write_rbvh(path("old.rbvh"), old_pair, false);
+  const Bytes old_hierarchy = read_bytes(path("old.rbvh"));
+  int seen_old = 0, seen_new = 0;
+  for (int run = 0; run < 60; ++run) {
+    write_rbvh(path("a.rbvh"), old_pair, true);
+    const pid_t child = fork();
+    if (child == 0) {
+      write_rbvh(path("a.rbvh"), new_pair, true);
+      _exit(0);
+    }
+    usleep(static_cast<useconds_t>(run * 300));
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    const bool hierarchy_is_old = read_bytes(path("a.rbvh")) == old_hierarchy;
+    const std::string why = refusal("a.rbvh");
+    if (why.empty()) {
+      expect_equal(hierarchy_is_old ? old_pair : new_pair, read_rbvh(path("a.rbvh")));
+      ++(hierarchy_is_old ? seen_old : seen_new);
+    } else {
+      EXPECT_FALSE(hierarchy_is_old) << why;  // never an old hierarchy with a new atlas
+    }
+  }
+  EXPECT_GT(seen_old, 0);
+  EXPECT_GT(seen_new, 0);
+}
+
+// Every size limit below what is needed ends in one error and no file.
+TEST_F(RbvhFileTest, SizeLimits) {
+  const Rbvh rbvh = make_small_rbvh();
+  const RbvhBytes whole = write_rbvh(path("a.rbvh"), rbvh, false);
+  fs::remove(path("a.rbvh"));
+  fs::remove(path("a.atlas.tif"));
+  const std::uint64_t needed = std::max(whole.hierarchy, whole.atlas);
+  for (std::uint64_t limit = 0; limit <= needed; limit += limit + 64 < needed ? 37 : 1) {
+    const pid_t child = fork();
+    if (child == 0) {
+      install_interrupt_cleanup();
+      const rlimit bound{limit, limit};
+      setrlimit(RLIMIT_FSIZE, &bound);
+      try {
+        write_rbvh(path("a.rbvh"), rbvh, false);
+      } catch (const Error& error) {
+        const std::string what = error.what();
+        _exit(error.code() == ExitCode::kFailure && what.find('\n') == std::string::npos ? 1 : 8);
+      }
+      _exit(0);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFEXITED(status)) << limit;
+    ASSERT_EQ(WEXITSTATUS(status), limit < needed ? 1 : 0) << limit;
+    ASSERT_EQ(files(), limit < needed ? 0u : 2u) << limit;
+  }
+}
+
+TEST_F(RbvhFileTest, PairsNeedAFolder) {
+  const auto failure = [&](const std::function<void()>& body) -> std::pair<ExitCode, std::string> {
+    try {
+      body();
+    } catch (const Error& error) {
+      return {error.code(), error.what()};
+    }
+    return {ExitCode::kOk, ""};
+  };
+  const Rbvh rbvh = make_small_rbvh();
+  expect_contains(failure([&] { write_rbvh("/dev/full", rbvh, true); }).second, "no regular file");
+  EXPECT_EQ(failure([&] { check_rbvh_output("/dev/full", true); }).first, ExitCode::kFailure);
+  EXPECT_FALSE(fs::exists("/dev/full.atlas.tif"));
+  EXPECT_EQ(failure([&] { check_rbvh_output("-", true); }).first, ExitCode::kUsage);
+  EXPECT_EQ(failure([&] { check_rbvh_output(path("none/a.rbvh"), true); }).first, ExitCode::kFailure);
+  EXPECT_EQ(failure([&] { read_rbvh("-"); }).first, ExitCode::kInput);
+  EXPECT_EQ(failure([&] { read_rbvh(folder_.string()); }).first, ExitCode::kInput);
+  EXPECT_EQ(files(), 0u);
+}
+
+TEST(AtlasPath, LiesBesideByStem) {
+  EXPECT_EQ(atlas_path("x/a.b.rbvh"), "x/a.b.atlas.tif");
+  EXPECT_EQ(atlas_path("a"), "a.atlas.tif");
+}
+
+}  // namespace
+}  // namespace rbvh
