@@ -3,7 +3,6 @@
 // of a real scan.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <cstring>
 #include <exception>
 #include <string>
 #include <vector>
@@ -19,7 +18,7 @@ namespace rbvh::demo {
 namespace {
 
 struct Options {
-  std::string mesh, cloud;
+  std::string mesh, clouds;
   std::uint64_t triangles = 900000, points = 500000;
   std::uint64_t seed = 1;
   double noise = 2e-4;  // of the diagonal
@@ -73,55 +72,66 @@ void write_mesh(const DemoShape& shape, const FusedMesh& mesh, const Options& op
                mesh.positions.size());
 }
 
-/// Points as measured, thinned evenly; vp_x, vp_y, vp_z say where each was seen from (PCL's
-/// PointWithViewpoint).
-void write_cloud(const DemoShape& shape, const std::vector<RangeImage>& images, const Options& options) {
-  std::size_t measured = 0;
-  for (const RangeImage& image : images)
-    for (const float range : image.ranges) measured += range != 0;
-  const double share =
-      static_cast<double>(options.points) / static_cast<double>(std::max<std::size_t>(1, measured));
+std::string cloud_name(const Options& options, std::size_t view) {
+  return options.clouds + (view < 9 ? "0" : "") + std::to_string(view + 1) + ".pcd";
+}
+
+/// One place's points as measured, thinned to `share`, its VIEWPOINT where the tripod stood.
+std::size_t write_cloud(const DemoShape& shape, const RangeImage& image, std::size_t view, double share,
+                        const Options& options) {
   struct Point {
     Vec3f position;
-    float color;
-    Vec3f viewpoint;
+    std::uint32_t color;
   };
   std::vector<Point> points;
-  for (std::size_t view = 0; view < images.size(); ++view) {
-    const RangeImage& image = images[view];
-    const auto width = static_cast<std::size_t>(image.width);
-    for (std::size_t i = 0; i < image.ranges.size(); ++i) {
-      if (image.ranges[i] == 0 || random_unit(options.seed, view, i) >= share) continue;
-      const Vec3f direction = image.direction(static_cast<float>(i % width), static_cast<float>(i / width));
-      points.push_back({image.eye + direction * image.ranges[i], 0, image.eye});
-    }
+  const auto width = static_cast<std::size_t>(image.width);
+  for (std::size_t i = 0; i < image.ranges.size(); ++i) {
+    if (image.ranges[i] == 0 || random_unit(options.seed, view, i) >= share) continue;
+    const Vec3f direction = image.direction(static_cast<float>(i % width), static_cast<float>(i / width));
+    points.push_back({image.eye + direction * image.ranges[i], 0});
   }
   parallel_for(points.size(), 4096, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Vec3f color = shape.sample(points[i].position).color;
-      const std::uint32_t packed = static_cast<std::uint32_t>(to_byte(color.x)) << 16 |
-                                   static_cast<std::uint32_t>(to_byte(color.y)) << 8 | to_byte(color.z);
-      std::memcpy(&points[i].color, &packed, sizeof packed);
+      points[i].color = static_cast<std::uint32_t>(to_byte(color.x)) << 16 |
+                        static_cast<std::uint32_t>(to_byte(color.y)) << 8 | to_byte(color.z);
     }
   });
   const std::string count = std::to_string(points.size());
+  char viewpoint[100];
+  std::snprintf(viewpoint, sizeof viewpoint, "%.6f %.6f %.6f 1 0 0 0", static_cast<double>(image.eye.x),
+                static_cast<double>(image.eye.y), static_cast<double>(image.eye.z));
   std::vector<std::byte> bytes;
   append_text(bytes,
-              "# .PCD v0.7 - made by rbvh_demo_scan\nVERSION 0.7\nFIELDS x y z rgb vp_x vp_y vp_z\n"
-              "SIZE 4 4 4 4 4 4 4\nTYPE F F F F F F F\nCOUNT 1 1 1 1 1 1 1\nWIDTH " +
-                  count + "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + count + "\nDATA binary\n");
+              "# .PCD v0.7 - made by rbvh_demo_scan\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\n"
+              "TYPE F F F U\nCOUNT 1 1 1 1\nWIDTH " +
+                  count + "\nHEIGHT 1\nVIEWPOINT " + viewpoint + "\nPOINTS " + count + "\nDATA binary\n");
   for (const Point& point : points) append(bytes, point);
-  OutputFile file(options.cloud, options.force);
+  OutputFile file(cloud_name(options, view), options.force);
   file.write(bytes);
   file.commit();
-  std::fprintf(stderr, "%s: %s points\n", options.cloud.c_str(), count.c_str());
+  return points.size();
+}
+
+void write_clouds(const DemoShape& shape, const std::vector<RangeImage>& images, const Options& options) {
+  std::size_t measured = 0, written = 0;
+  for (const RangeImage& image : images)
+    for (const float range : image.ranges) measured += range != 0;
+  const double share =
+      static_cast<double>(options.points) / static_cast<double>(std::max<std::size_t>(1, measured));
+  for (std::size_t view = 0; view < images.size(); ++view)
+    written += write_cloud(shape, images[view], view, share, options);
+  std::fprintf(stderr, "%s .. %s: %zu points\n", cloud_name(options, 0).c_str(),
+               cloud_name(options, images.size() - 1).c_str(), written);
 }
 
 void run(const Options& options) {
   set_thread_count(options.threads);
-  for (const std::string& path : {options.mesh, options.cloud})
-    if (!path.empty()) check_output(path, options.force);
   const DemoShape shape;
+  const std::vector<Vec3f> places = tripod_places(shape);
+  if (!options.mesh.empty()) check_output(options.mesh, options.force);
+  for (std::size_t view = 0; !options.clouds.empty() && view < places.size(); ++view)
+    check_output(cloud_name(options, view), options.force);
   const float diagonal = shape.bounds().diagonal();
   const auto cell = static_cast<float>(std::sqrt(kTriangleArea / static_cast<double>(options.triangles)));
   RangeCameraConfig camera;
@@ -133,7 +143,7 @@ void run(const Options& options) {
   for (const Vec3f eye : tripod_places(shape))
     images.push_back(take_range_image(shape, eye, images.size(), camera));
   if (!options.mesh.empty()) write_mesh(shape, fuse_range_images(images, cell), options);
-  if (!options.cloud.empty()) write_cloud(shape, images, options);
+  if (!options.clouds.empty()) write_clouds(shape, images, options);
 }
 
 }  // namespace
@@ -143,12 +153,12 @@ int main(int argc, char** argv) {
   rbvh::demo::Options options;
   CLI::App app("Scans a sculpture that exists only as a formula, with a scanner's faults.");
   app.add_option("-o,--mesh", options.mesh, "fused mesh to write (PLY)");
-  app.add_option("--cloud", options.cloud,
-                 "points to write (PCD), with colour and viewpoint, without normals");
+  app.add_option("--clouds", options.clouds,
+                 "points to write, one PCD a viewpoint: PREFIX01.pcd and so on; coloured, without normals");
   app.add_option("--triangles", options.triangles, "of the mesh, about")
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{1000}, std::uint64_t{50000000}));
-  app.add_option("--points", options.points, "of the cloud, about")->capture_default_str();
+  app.add_option("--points", options.points, "of all clouds together, about")->capture_default_str();
   app.add_option("--noise", options.noise, "standard deviation along the ray, as a fraction of the diagonal")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 0.01));
@@ -157,7 +167,7 @@ int main(int argc, char** argv) {
   app.add_flag("-f,--force", options.force, "replace what is there");
   try {
     app.parse(argc, argv);
-    if (options.mesh.empty() && options.cloud.empty()) throw CLI::RequiredError("--mesh or --cloud");
+    if (options.mesh.empty() && options.clouds.empty()) throw CLI::RequiredError("--mesh or --clouds");
     rbvh::install_interrupt_cleanup();
     rbvh::demo::run(options);
   } catch (const CLI::Success& help) {

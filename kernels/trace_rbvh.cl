@@ -20,12 +20,19 @@
 #define FAR 1e20f
 
 typedef struct Tile {
-  float to_tile[12];
+  float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
   uint offset;
   ushort width, height;
   float step_limit;  // in height quanta
-  uint unused;
+  float top;         // the largest height
+  float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
+  uint unused[2];
 } Tile;
+
+// Sixteen points at a time or one: inside the leaf's box?
+#define INSIDE(tile, x, y, z)                                                                            \
+  (((x) >= (tile)->lo[0]) & ((x) <= (tile)->hi[0]) & ((y) >= (tile)->lo[1]) & ((y) <= (tile)->hi[1]) & \
+   ((z) >= (tile)->lo[2]) & ((z) <= (tile)->hi[2]))
 
 // A direction component of zero becomes a tiny one, so that 1/d is finite and no slab test sees 0 * inf.
 inline float nonzero(float d) { return fabs(d) < 1e-20f ? copysign(1e-20f, d) : d; }
@@ -90,10 +97,10 @@ inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global co
   h.flags = 0;
   if (leaf >= 0) {
     __global const Tile* tile = tiles + leaf;
-    __global const float* m = tile->to_tile;
-    const float3 ru = vload3(0, m), rv = vload3(0, m + 4), rw = vload3(0, m + 8);
+    __global const float* m = tile->columns;
+    const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]), rw = (float3)(m[2], m[5], m[8]);
     const float3 p = origin + direction * t;
-    const float u = dot(ru, p) + m[3], v = dot(rv, p) + m[7];
+    const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
     const int width = tile->width, height = tile->height;
     const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
     const float fu = u - (float)x, fv = v - (float)y;
@@ -126,20 +133,21 @@ inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global co
 // Nearest crossing of the tile within (tmin, tmax), or tmax. Sixteen grid lines at a time.
 inline float march(__global const Tile* tile, __global const ushort* heights, float3 o, float3 d, float tmin,
                    float tmax, uint* steps) {
-  __global const float* m = tile->to_tile;
-  const float ou = m[0] * o.x + m[1] * o.y + m[2] * o.z + m[3], ov = m[4] * o.x + m[5] * o.y + m[6] * o.z + m[7],
-              ow = m[8] * o.x + m[9] * o.y + m[10] * o.z + m[11];
-  float du = nonzero(m[0] * d.x + m[1] * d.y + m[2] * d.z), dv = nonzero(m[4] * d.x + m[5] * d.y + m[6] * d.z),
-        dw = nonzero(m[8] * d.x + m[9] * d.y + m[10] * d.z);
+  __global const float* m = tile->columns;
+  const float4 mx = vload4(0, m), my = vload4(0, m + 3), mz = vload4(0, m + 6);
+  const float4 ot = mx * o.x + my * o.y + mz * o.z + (float4)(vload3(3, m), 0.0f);
+  const float4 lean = mx * d.x + my * d.y + mz * d.z;
+  const float4 dt = select(lean, copysign((float4)(1e-20f), lean), fabs(lean) < 1e-20f);
   const int width = tile->width, height = tile->height;
-  const float iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
-  const float ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
-  const float va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
-  const float wa = (1.0f - ow) * iw, wb = (65535.0f - ow) * iw;
-  const float t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), tmin));
-  const float t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), tmax));
+  const float4 inv = 1.0f / dt;
+  const float4 ta = ((float4)(0.0f, 0.0f, 1.0f, 0.0f) - ot) * inv;
+  const float4 tb = ((float4)((float)(width - 1), (float)(height - 1), tile->top, 0.0f) - ot) * inv;
+  const float4 t_in = min(ta, tb), t_out = max(ta, tb);
+  const float t0 = max(max(t_in.x, t_in.y), max(t_in.z, tmin));
+  const float t1 = min(min(t_out.x, t_out.y), min(t_out.z, tmax));
   if (!(t0 <= t1)) return tmax;
 
+  const float ou = ot.x, ov = ot.y, ow = ot.z, du = dt.x, dv = dt.y, dw = dt.z;
   const int along_u = fabs(du) >= fabs(dv);
   float d_major = along_u ? du : dv;
   const float o_major = along_u ? ou : ov, o_minor = along_u ? ov : ou, d_minor = along_u ? dv : du;
@@ -180,7 +188,9 @@ inline float march(__global const Tile* tile, __global const ushort* heights, fl
       const float h = patch_height(p, width, height, ou + du * hit, ov + dv * hit);
       const float again = hit - (ow + dw * hit - h) / slope;
       if (again >= tt[i] && again <= tt[i + 1]) hit = again;
-      if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i])) return hit;
+      if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i]) &&
+          INSIDE(tile, o.x + d.x * hit, o.y + d.y * hit, o.z + d.z * hit))
+        return hit;
     }
     k += 15 * dir;
     if (k < 0 || k >= n_major || any_hi(t) >= t1) return tmax;
@@ -193,7 +203,7 @@ inline float march(__global const Tile* tile, __global const ushort* heights, fl
 inline float trace(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, float3 o,
                    float3 direction, float tmin, float tmax, int any, int* leaf, uint* steps) {
   const float3 d = (float3)(nonzero(direction.x), nonzero(direction.y), nonzero(direction.z));
-  const float3 inv = 1.0f / d;
+  const float3 inv = 1.0f / d, oi = o * inv;
   const int nx = d.x < 0.0f ? 3 : 0, ny = d.y < 0.0f ? 4 : 1, nz = d.z < 0.0f ? 5 : 2;
   int stack[RBVH_STACK];
   float stack_t[RBVH_STACK];
@@ -203,10 +213,10 @@ inline float trace(__global const uint* nodes, __global const Tile* tiles, __glo
   for (;;) {
     while (current >= 0) {
       __global const float* b = (__global const float*)(nodes + (size_t)current * NODE16_WORDS);
-      const float16 ax = (vload16(nx, b) - o.x) * inv.x, ay = (vload16(ny, b) - o.y) * inv.y,
-                    az = (vload16(nz, b) - o.z) * inv.z;
-      const float16 bx = (vload16(3 - nx, b) - o.x) * inv.x, by = (vload16(5 - ny, b) - o.y) * inv.y,
-                    bz = (vload16(7 - nz, b) - o.z) * inv.z;
+      const float16 ax = vload16(nx, b) * inv.x - oi.x, ay = vload16(ny, b) * inv.y - oi.y,
+                    az = vload16(nz, b) * inv.z - oi.z;
+      const float16 bx = vload16(3 - nx, b) * inv.x - oi.x, by = vload16(5 - ny, b) * inv.y - oi.y,
+                    bz = vload16(7 - nz, b) * inv.z - oi.z;
       const float16 t_in = max(max(ax, ay), max(az, (float16)(tmin)));
       const float16 t_out = min(min(bx, by), min(bz, (float16)(best)));
       *steps += 1;
@@ -313,17 +323,17 @@ typedef struct {
 // All sixteen rays march the tile in lockstep, a grid line of its own major axis each.
 inline void march_packet(__global const Tile* tile, __global const ushort* heights, float3 o, Packet* rays, int id,
                          uint* steps) {
-  __global const float* m = tile->to_tile;
-  const float ou = m[0] * o.x + m[1] * o.y + m[2] * o.z + m[3], ov = m[4] * o.x + m[5] * o.y + m[6] * o.z + m[7],
-              ow = m[8] * o.x + m[9] * o.y + m[10] * o.z + m[11];
-  const float16 du = m[0] * rays->dx + m[1] * rays->dy + m[2] * rays->dz + 1e-20f,
-                dv = m[4] * rays->dx + m[5] * rays->dy + m[6] * rays->dz + 1e-20f,
-                dw = m[8] * rays->dx + m[9] * rays->dy + m[10] * rays->dz + 1e-20f;
+  __global const float* m = tile->columns;
+  const float3 ot = vload3(0, m) * o.x + vload3(1, m) * o.y + vload3(2, m) * o.z + vload3(3, m);
+  const float ou = ot.x, ov = ot.y, ow = ot.z;
+  const float16 du = m[0] * rays->dx + m[3] * rays->dy + m[6] * rays->dz + 1e-20f,
+                dv = m[1] * rays->dx + m[4] * rays->dy + m[7] * rays->dz + 1e-20f,
+                dw = m[2] * rays->dx + m[5] * rays->dy + m[8] * rays->dz + 1e-20f;
   const int width = tile->width, height = tile->height;
   const float16 iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
   const float16 ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
   const float16 va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
-  const float16 wa = (1.0f - ow) * iw, wb = (65535.0f - ow) * iw;
+  const float16 wa = (1.0f - ow) * iw, wb = (tile->top - ow) * iw;
   const float16 t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), (float16)(0.0f)));
   const float16 t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), rays->t));
   int16 active = t0 <= t1;
@@ -370,7 +380,8 @@ inline void march_packet(__global const Tile* tile, __global const ushort* heigh
       const int16 whole = (a > 0.0f) & (b > 0.0f) & (c > 0.0f) & (e > 0.0f);
       const float16 newton = secant - (ow + dw * secant - (ha + (hb - ha) * fv)) / slope;
       const float16 hit = select(secant, newton, whole & (newton >= t) & (newton <= t_line));
-      const int16 taken = crossed & (hit > 0.0f) & (hit < rays->t);
+      const int16 taken = crossed & (hit > 0.0f) & (hit < rays->t) &
+                          INSIDE(tile, o.x + rays->dx * hit, o.y + rays->dy * hit, o.z + rays->dz * hit);
       rays->t = select(rays->t, hit, taken);
       rays->leaf = select(rays->leaf, (int16)(id), taken);
       active &= ~taken;

@@ -26,7 +26,8 @@ std::vector<std::uint32_t> pack_colors(const std::vector<Color8>& colors) {
 std::size_t job_group_size(const Device& device) { return device.info().is_cpu ? 1 : 64; }
 
 Primitives upload_primitives(const Device& device, const Scan& scan) {
-  Primitives p{.device = device, .discs = scan.is_cloud()};
+  Primitives p(device);
+  p.discs = scan.is_cloud();
   const std::size_t vertices = scan.positions.size();
   const std::size_t count = p.discs ? vertices : scan.triangles.size();
   RBVH_CHECK(!p.discs || (scan.normals.size() == vertices && scan.radii.size() == vertices));
@@ -64,8 +65,8 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
     for (const float r : scan.radii) sum += r;
     p.mean_radius = static_cast<float>(sum / static_cast<double>(count));
     device.kernel("primitives", "primitives_discs")
-        .run(count, group, positions, p.normals, radii, 1.0f / kRadiusPerSpacing, p.order, p.count, p.shape,
-             p.box_lo, p.box_hi, p.area_normal);
+        .run(count, group, positions, p.normals, radii, static_cast<float>(1.0 / kRadiusPerSpacing), p.order,
+             p.count, p.shape, p.box_lo, p.box_hi, p.area_normal);
   } else {
     device.kernel("primitives", "primitives_triangles")
         .run(count, group, positions, p.indices, p.order, p.count, p.shape, p.box_lo, p.box_hi,

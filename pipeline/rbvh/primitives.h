@@ -11,6 +11,8 @@ struct Float4 {
 };
 
 struct Primitives {
+  explicit Primitives(const Device& on) : device(on) {}
+
   Device device;
   bool discs = false;
   std::uint32_t count = 0;

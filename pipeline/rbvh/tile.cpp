@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::uint32_t kRunLength = 128;
 constexpr std::uint32_t kMaxSide = 4096;
+constexpr float kQuantaPerTexel = 512;
 
 /// A right-handed frame with w along the area-weighted mean normal (the direction of largest projected area);
 /// for what has none, a closed crumb say, along the box's shortest side.
@@ -182,10 +183,9 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     RBVH_CHECK(summaries[k].used > 0);
     bases[k] = summaries[k].lo;
-    // A flat tile keeps a quantum of a 65534th of a texel.
-    const float range =
-        std::max(static_cast<float>(summaries[k].hi - summaries[k].lo), 1e-4f * tiles[k].texel_w);
-    scales[k] = 65534.0f / std::max(range, 1.0f);
+    // Finer quanta than this fraction of a texel would store noise, and noise does not compress.
+    const auto range = static_cast<float>(summaries[k].hi - summaries[k].lo);
+    scales[k] = std::min(65534.0f / std::max(range, 1.0f), kQuantaPerTexel / tiles[k].texel_w);
   }
   const Buffer<std::uint16_t> heights(device, texel_count);
   device.kernel("rasterize", "rasterize_quantize")
@@ -220,7 +220,7 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     tile.first_texel = first + tiles[k].offset;
     tile.is_faulty = summaries[k].layered > 0 || summaries[k].steps > 0;
     const float texel = 1.0f / length(Vec3f{tiles[k].to_tile[0], tiles[k].to_tile[1], tiles[k].to_tile[2]});
-    const Vec3f pad{0.5f * texel, 0.5f * texel, 0.5f * texel};
+    const Vec3f pad{0.25f * texel, 0.25f * texel, 0.25f * texel};
     tile.bounds = node.bounds();
     tile.bounds.lo = tile.bounds.lo - pad;
     tile.bounds.hi = tile.bounds.hi + pad;
