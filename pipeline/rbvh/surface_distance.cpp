@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/tile.h"
 
 namespace rbvh {
 namespace {
@@ -100,22 +101,26 @@ TriangleSoup surface_of(const Scan& scan) {
   return soup;
 }
 
-TriangleSoup surface_of(const Level& level, float step_limit_texels) {
+TriangleSoup surface_of(const Level& level) {
   TriangleSoup soup;
   const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
-  for (const RbvhLeaf& leaf : level.leaves) {
+  for (const RbvhNode& node : level.nodes) {
+    if (node.count == 0) continue;
+    const RbvhLeaf& leaf = level.leaves[node.first];
     const TileFrame frame(leaf);
-    const double limit = static_cast<double>(step_limit_texels) * length(frame.u) / length(frame.w);
+    const Bounds3f box{{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
+    const double limit = static_cast<double>(kStepLimitTexels) * length(frame.u) / length(frame.w);
     for (std::uint32_t y = 0; y + 1 < leaf.height; ++y)
       for (std::uint32_t x = 0; x + 1 < leaf.width; ++x) {
         const std::size_t at = (std::size_t{leaf.y} + y) * level.atlas_width + leaf.x + x;
-        const std::uint16_t h[4] = {heights[at], heights[at + 1], heights[at + level.atlas_width],
-                                    heights[at + level.atlas_width + 1]};
+        const int h[4] = {heights[at], heights[at + 1], heights[at + level.atlas_width],
+                          heights[at + level.atlas_width + 1]};
         if (std::find(h, h + 4, 0) != h + 4) continue;
         const auto step = [&](int i, int j) { return std::abs(h[i] - h[j]); };
         if (std::max({step(0, 1), step(2, 3), step(0, 2), step(1, 3)}) > limit) continue;
         const Vec3f a = frame.at(x, y, h[0]), b = frame.at(x + 1, y, h[1]), c = frame.at(x, y + 1, h[2]),
                     d = frame.at(x + 1, y + 1, h[3]);
+        if (squared_distance(box, (a + d) * 0.5f) > 0) continue;
         add_triangle(soup, a, b, d);
         add_triangle(soup, a, d, c);
       }

@@ -15,9 +15,9 @@ using TriangleSoup = std::vector<Vec3f>;
 
 /// A mesh's finite triangles, or a cloud's discs as octagons.
 TriangleSoup surface_of(const Scan& scan);
-/// The texel quads of a level's tiles whose four corners have a surface, as two triangles each. Edges longer
-/// across the height than `step_limit_texels` texels are no surface, as for the tracer.
-TriangleSoup surface_of(const Level& level, float step_limit_texels);
+/// What the tracer sees of a level: the texel quads of its tiles whose four corners have a surface without a
+/// step between them, as two triangles each, as far as their middle lies in the leaf's box.
+TriangleSoup surface_of(const Level& level);
 
 /// Answers "how far is the nearest point of the surface".
 class ClosestPoint {
