@@ -95,3 +95,22 @@ __kernel void partition_copy(__global const Run* runs, uint run_count, __global 
   const uint end = runs[r].end;
   for (uint i = runs[r].begin; i < end; ++i) to[i] = from[i];
 }
+
+// The cone of normals (second pass over the primitives): per run, the smallest cosine between a primitive's normal
+// and its node's mean normal. Primitives without area have no say.
+__kernel void partition_cones(__global const Run* runs, uint run_count, __global const float4* axes,
+                              __global const uint* references, __global const float4* area_normal,
+                              __global float* cosines) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  const float4 axis = axes[runs[r].owner];
+  float least = 1.0f;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    float4 n = area_normal[references[i]];
+    n.w = 0.0f;
+    const float size = length(n);
+    if (size > 0.0f) least = min(least, dot(n, axis) / size);
+  }
+  cosines[r] = least;
+}

@@ -10,28 +10,12 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "camera_rays.h"
 #include "exact_layout.h"
+#include "lanes.h"
 #include "layout.h"
 
 #ifdef cl_khr_fp64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 #endif
-
-inline uint mask8(int8 lanes) {
-  const int8 bits = lanes & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-  const int4 b4 = bits.lo | bits.hi;
-  const int2 b2 = b4.lo | b4.hi;
-  return (uint)(b2.x | b2.y);
-}
-
-inline uint mask16(int16 lanes) {
-  const int16 bits = lanes & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
-  const int8 b8 = bits.lo | bits.hi;
-  const int4 b4 = b8.lo | b8.hi;
-  const int2 b2 = b4.lo | b4.hi;
-  return (uint)(b2.x | b2.y);
-}
-
-inline uint lowest_bit(uint mask) { return 31u - clz(mask & (0u - mask)); }
 
 // The nearest hit so far.
 typedef struct Found {
@@ -104,7 +88,7 @@ inline uint meet_children(__global const ExactNode* node, const Query* q, float 
                             min(PLANES(far_row, 2, far_offset), (float16)(limit)));
 #undef PLANES
   *entry = enter;
-  return mask16(enter <= leave);
+  return lane_bits16(enter <= leave);
 }
 
 // Takes the lanes in `mask` over into `found` where they are nearer; of equally near ones the lowest index wins, so that
@@ -145,7 +129,7 @@ inline bool meet_block(__global const ExactBlock* blocks, uint block, const Quer
   float8 v = ax * cy - ay * cx;
   float8 w = bx * ay - by * ax;
 #ifdef cl_khr_fp64
-  if (mask8((u == 0.0f) | (v == 0.0f) | (w == 0.0f))) {
+  if (lane_bits8((u == 0.0f) | (v == 0.0f) | (w == 0.0f))) {
     // Products of floats are exact in double: now a zero is a zero.
     u = convert_float8(convert_double8(cx) * convert_double8(by) - convert_double8(cy) * convert_double8(bx));
     v = convert_float8(convert_double8(ax) * convert_double8(cy) - convert_double8(ay) * convert_double8(cx));
@@ -154,9 +138,9 @@ inline bool meet_block(__global const ExactBlock* blocks, uint block, const Quer
 #endif
   const int8 outside = ((u < 0.0f) | (v < 0.0f) | (w < 0.0f)) & ((u > 0.0f) | (v > 0.0f) | (w > 0.0f));
   const float8 area = u + v + w;
-  if (mask8(~outside & (area != 0.0f)) == 0) return false;
+  if (lane_bits8(~outside & (area != 0.0f)) == 0) return false;
   const float8 t = (u * (q->sz * az) + v * (q->sz * bz) + w * (q->sz * cz)) / area;
-  const uint mask = mask8(~outside & (area != 0.0f) & (t >= q->tmin) & (t <= found->t));
+  const uint mask = lane_bits8(~outside & (area != 0.0f) & (t >= q->tmin) & (t <= found->t));
   return mask != 0 && take_nearest(mask, t, v / area, w / area, blocks, block, found);
 }
 
@@ -192,7 +176,7 @@ inline bool meet_block(__global const ExactBlock* blocks, uint block, const Quer
   const float8 slope = nx * q->direction[0] + ny * q->direction[1] + nz * q->direction[2];
   const float8 t = (cx * nx + cy * ny + cz * nz) / slope;
   const float8 rx = t * q->direction[0] - cx, ry = t * q->direction[1] - cy, rz = t * q->direction[2] - cz;
-  uint mask = mask8((slope != 0.0f) & (rx * rx + ry * ry + rz * rz <= radius * radius) & (t >= q->tmin) & (t <= found->t));
+  uint mask = lane_bits8((slope != 0.0f) & (rx * rx + ry * ry + rz * rz <= radius * radius) & (t >= q->tmin) & (t <= found->t));
   if (mask == 0 || !take_nearest(mask, t, t, t, blocks, block, found)) return false;
   const uint lane = found->lane;
   const float3 centre = (float3)(b->rows[0][lane], b->rows[1][lane], b->rows[2][lane]);

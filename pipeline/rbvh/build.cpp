@@ -31,11 +31,13 @@ struct LevelRule {
   float rho = 0;  ///< per scan unit squared
   float alpha = 0;
   float largest_tile = 0;
+  float cone_cosine = -2;  ///< least; -2: the projected area decides
 
   bool wants_split(const PartitionNode& node) const {
     const float texels = rho * node.sums.area;
     if (tile_resolution(node, rho) > largest_tile) return true;
     if (node.count() <= kFloorPrimitives || texels <= kFloorTexels) return false;
+    if (cone_cosine > -2) return node.cone_cosine < cone_cosine;
     return node.projected_area() < alpha * node.sums.area;
   }
 };
@@ -90,14 +92,16 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   };
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
-  Partition partition = make_root(primitives);
+  const bool cones = config.refinement == Refinement::kConeOfNormals;
+  Partition partition = make_root(primitives, cones);
   const float area = partition.nodes[0].sums.area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
   lap(time.upload);
 
   std::vector<LevelRule> rules;
   for (const LevelConfig& level : config.levels)
-    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho)});
+    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho),
+                     cones ? std::cos(level.phi_degrees * std::numbers::pi_v<float> / 180) : -2.0f});
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& r) { return r.wants_split(node); });
   };

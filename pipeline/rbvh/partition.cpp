@@ -31,6 +31,29 @@ SplitPlane spatial_median(const PartitionNode& node) {
   return {axis, b.center()[axis], node.begin + node.count() / 2};
 }
 
+/// The cone around the mean normal ([SAE93] approximated, as the paper has it) of nodes[first..].
+void measure_cones(Partition& partition, const Primitives& primitives, std::size_t first) {
+  const Device& device = primitives.device;
+  std::vector<Run> runs;
+  std::vector<Float4> axes;
+  for (std::size_t n = first; n < partition.nodes.size(); ++n) {
+    const PartitionNode& node = partition.nodes[n];
+    append_runs(runs, static_cast<std::uint32_t>(n - first), node.begin, node.end, kRunLength);
+    const float* sum = node.sums.area_normal;
+    const Vec3f axis = normalized(Vec3f{sum[0], sum[1], sum[2]});
+    axes.push_back({axis.x, axis.y, axis.z, 0});
+  }
+  const Buffer<float> device_cosines(device, runs.size());
+  device.kernel("partition", "partition_cones")
+      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs), static_cast<std::uint32_t>(runs.size()),
+           Buffer<Float4>(device, axes), partition.references, primitives.area_normal, device_cosines);
+  const std::vector<float> cosines = device_cosines.read();
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    float& least = partition.nodes[first + runs[r].owner].cone_cosine;
+    least = std::min(least, cosines[r]);
+  }
+}
+
 }  // namespace
 
 void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
@@ -39,11 +62,11 @@ void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begi
     runs.push_back({owner, at, at + std::min(run_length, end - at)});
 }
 
-Partition make_root(const Primitives& primitives) {
+Partition make_root(const Primitives& primitives, bool cones) {
   const Device& device = primitives.device;
   std::vector<std::uint32_t> identity(primitives.count);
   std::iota(identity.begin(), identity.end(), 0u);
-  Partition partition{.nodes = {}, .references = Buffer<std::uint32_t>(device, identity)};
+  Partition partition{.nodes = {}, .references = Buffer<std::uint32_t>(device, identity), .cones = cones};
   std::vector<Run> runs;
   append_runs(runs, 0, 0, primitives.count, kRunLength);
   const Buffer<PrimitiveSums> sums(device, runs.size());
@@ -51,9 +74,11 @@ Partition make_root(const Primitives& primitives) {
       .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
            static_cast<std::uint32_t>(runs.size()), partition.references, primitives.box_lo,
            primitives.box_hi, primitives.area_normal, sums);
-  PartitionNode root{.sums = {}, .begin = 0, .end = primitives.count, .left = -1};
+  PartitionNode root;
+  root.end = primitives.count;
   for (const PrimitiveSums& s : sums.read()) add(root.sums, s);
   partition.nodes.push_back(root);
+  if (cones) measure_cones(partition, primitives, 0);
   return partition;
 }
 
@@ -127,17 +152,19 @@ void split_nodes(Partition& partition, const Primitives& primitives, std::vector
                 partition.references, sides, moved);
     copy.run(runs.size(), group, device_runs, run_count, moved, partition.references);
 
-    std::vector<std::uint32_t> next;
+    const std::size_t first_child = nodes.size();
     for (std::size_t k = 0; k < active.size(); ++k) {
-      const auto left = static_cast<std::uint32_t>(nodes.size());
+      const auto left = static_cast<std::int32_t>(nodes.size());
       PartitionNode& node = nodes[active[k]];
-      node.left = static_cast<std::int32_t>(left);
+      node.left = left;
       const std::uint32_t begin = node.begin, end = node.end, middle = begin + children[2 * k].count;
-      nodes.push_back({children[2 * k], begin, middle, -1});
-      nodes.push_back({children[2 * k + 1], middle, end, -1});
-      for (std::uint32_t child = left; child < left + 2; ++child)
-        if (nodes[child].count() >= 2 && wants_split(nodes[child])) next.push_back(child);
+      nodes.push_back({.sums = children[2 * k], .begin = begin, .end = middle});
+      nodes.push_back({.sums = children[2 * k + 1], .begin = middle, .end = end});
     }
+    if (partition.cones) measure_cones(partition, primitives, first_child);
+    std::vector<std::uint32_t> next;
+    for (auto child = static_cast<std::uint32_t>(first_child); child < nodes.size(); ++child)
+      if (nodes[child].count() >= 2 && wants_split(nodes[child])) next.push_back(child);
     active = std::move(next);
     std::size_t left_to_do = 0;
     for (const std::uint32_t n : active) left_to_do += nodes[n].count();

@@ -220,7 +220,7 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     tile.first_texel = first + tiles[k].offset;
     tile.is_faulty = summaries[k].layered > 0 || summaries[k].steps > 0;
     const float texel = 1.0f / length(Vec3f{tiles[k].to_tile[0], tiles[k].to_tile[1], tiles[k].to_tile[2]});
-    const Vec3f pad{0.5f * texel, 0.5f * texel, 0.5f * texel};
+    const Vec3f pad{0.25f * texel, 0.25f * texel, 0.25f * texel};
     tile.bounds = node.bounds();
     tile.bounds.lo = tile.bounds.lo - pad;
     tile.bounds.hi = tile.bounds.hi + pad;

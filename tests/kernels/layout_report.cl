@@ -1,5 +1,6 @@
-// Reports the device's own idea of kernels/layout.h: size and field offsets of every struct, in the order that
+// Reports the device's own idea of kernels/layout.h and its like: size and field offsets of every struct, in the order that
 // layout_test.cpp lists them.
+#include "exact_layout.h"
 #include "layout.h"
 
 #define SIZE(type) out[n++] = (uint)sizeof(type);

@@ -1,0 +1,475 @@
+// The exact tracer against brute force in double precision, ray by ray: nearest and any hit, triangles and
+// discs, and the cases that break ray tracers. A disagreement is an error unless float cannot know better:
+// each primitive's error bound follows from the coordinates' size, its own size and how edge-on the ray sees
+// it.
+#include "pipeline/exact/trace_exact.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <numbers>
+#include <optional>
+
+#include "pipeline/render/camera.h"
+#include "tests/oracle.h"
+#include "tests/property.h"
+
+namespace rbvh {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+using Random = std::mt19937_64;
+
+oracle::Point point(const Vec3f& v) { return {v.x, v.y, v.z}; }
+
+float uniform(Random& random, float lo, float hi) {
+  return std::uniform_real_distribution<float>(lo, hi)(random);
+}
+
+Vec3f uniform_point(Random& random, float half) {
+  return {uniform(random, -half, half), uniform(random, -half, half), uniform(random, -half, half)};
+}
+
+Vec3f uniform_direction(Random& random) {
+  std::normal_distribution<float> normal;
+  return normalized(Vec3f{normal(random), normal(random), normal(random)});
+}
+
+Ray make_ray(Vec3f o, Vec3f d, float tmin = 0, float tmax = kInfinity) {
+  return {{o.x, o.y, o.z}, tmin, {d.x, d.y, d.z}, tmax};
+}
+
+// --- scenes
+// ---------------------------------------------------------------------------------------------------------
+
+void add_triangle(Scan& scan, Vec3f a, Vec3f b, Vec3f c) {
+  const auto first = static_cast<std::uint32_t>(scan.positions.size());
+  for (const Vec3f& p : {a, b, c}) scan.positions.push_back(p);
+  scan.triangles.push_back({first, first + 1, first + 2});
+}
+
+Scan soup(Random& random, std::size_t count, float size) {
+  Scan scan;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3f at = uniform_point(random, 1);
+    add_triangle(scan, at + uniform_point(random, size), at + uniform_point(random, size),
+                 at + uniform_point(random, size));
+  }
+  return scan;
+}
+
+Scan discs(Random& random, std::size_t count, float radius) {
+  Scan scan;
+  for (std::size_t i = 0; i < count; ++i) {
+    scan.positions.push_back(uniform_point(random, 1));
+    scan.normals.push_back(uniform_direction(random) * uniform(random, 0.5f, 2));
+    scan.radii.push_back(uniform(random, 0.2f, 1) * radius);
+  }
+  return scan;
+}
+
+/// A flat n x n grid of squares in the plane z = height, each two triangles.
+Scan grid(int n, float height) {
+  Scan scan;
+  for (int y = 0; y <= n; ++y) {
+    for (int x = 0; x <= n; ++x)
+      scan.positions.push_back({static_cast<float>(x), static_cast<float>(y), height});
+  }
+  const auto id = [n](int x, int y) { return static_cast<std::uint32_t>(y * (n + 1) + x); };
+  for (int y = 0; y < n; ++y) {
+    for (int x = 0; x < n; ++x) {
+      scan.triangles.push_back({id(x, y), id(x + 1, y), id(x + 1, y + 1)});
+      scan.triangles.push_back({id(x, y), id(x + 1, y + 1), id(x, y + 1)});
+    }
+  }
+  return scan;
+}
+
+/// A closed, bumpy globe around the origin.
+Scan globe(Random& random, int rings, int segments) {
+  Scan scan;
+  scan.positions.push_back({0, 0, 1});
+  for (int r = 1; r < rings; ++r) {
+    for (int s = 0; s < segments; ++s) {
+      const float theta = std::numbers::pi_v<float> * static_cast<float>(r) / static_cast<float>(rings);
+      const float phi = 2 * std::numbers::pi_v<float> * static_cast<float>(s) / static_cast<float>(segments);
+      const float radius = uniform(random, 0.95f, 1.05f);
+      scan.positions.push_back(
+          Vec3f{std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)} * radius);
+    }
+  }
+  scan.positions.push_back({0, 0, -1});
+  const auto last = static_cast<std::uint32_t>(scan.positions.size() - 1);
+  const auto id = [&](int r, int s) {
+    return static_cast<std::uint32_t>(1 + (r - 1) * segments + s % segments);
+  };
+  for (int s = 0; s < segments; ++s) {
+    scan.triangles.push_back({0, id(1, s), id(1, s + 1)});
+    scan.triangles.push_back({last, id(rings - 1, s + 1), id(rings - 1, s)});
+    for (int r = 1; r + 1 < rings; ++r) {
+      scan.triangles.push_back({id(r, s), id(r + 1, s), id(r + 1, s + 1)});
+      scan.triangles.push_back({id(r, s), id(r + 1, s + 1), id(r, s + 1)});
+    }
+  }
+  return scan;
+}
+
+// --- rays
+// -----------------------------------------------------------------------------------------------------------
+
+std::vector<Ray> random_rays(Random& random, const Scan& scan, std::size_t count) {
+  const Bounds3f box = bounds(scan);
+  const Vec3f centre = box.empty() ? Vec3f{} : box.center();
+  const float size = box.empty() ? 1.0f : std::max(0.5f * box.diagonal(), 0.1f);
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float far = i % 3 == 0 ? 0.5f : i % 3 == 1 ? 2.0f : 10.0f;
+    const Vec3f origin = centre + uniform_direction(random) * (size * far);
+    const Vec3f aim = centre + uniform_point(random, 0.6f * size);
+    Vec3f direction = aim - origin;
+    const std::uint64_t kind = random() % 8;
+    if (kind == 0) {  // parallel to one axis or two
+      direction[static_cast<int>(random() % 3)] = random() % 2 ? 0.0f : -0.0f;
+      if (random() % 2) direction[static_cast<int>(random() % 3)] = random() % 2 ? 0.0f : -0.0f;
+    } else if (kind == 1) {  // not of unit length
+      direction = direction * std::pow(10.0f, uniform(random, -4, 4));
+    } else if (kind == 2) {  // tiny components
+      direction[static_cast<int>(random() % 3)] *= 1e-25f;
+    }
+    Ray ray = make_ray(origin, direction);
+    if (kind == 3) {  // an interval that cuts
+      ray.tmin = uniform(random, -0.5f, 1);
+      ray.tmax = ray.tmin + uniform(random, 0, 1);
+    }
+    rays.push_back(ray);
+  }
+  return rays;
+}
+
+/// Rays that meet vertices, edges and planes exactly, along the axes and between.
+std::vector<Ray> exact_rays(Random& random, const Scan& scan, std::size_t count) {
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < count && !scan.positions.empty(); ++i) {
+    const Vec3f target = scan.positions[random() % scan.positions.size()];
+    Vec3f direction{};
+    const int axis = static_cast<int>(random() % 3);
+    direction[axis] = random() % 2 ? 1.0f : -1.0f;
+    if (random() % 3 == 0) direction[(axis + 1) % 3] = random() % 2 ? 1.0f : -1.0f;
+    rays.push_back(make_ray(target - direction * static_cast<float>(random() % 8), direction));
+  }
+  return rays;
+}
+
+// --- comparison
+// -----------------------------------------------------------------------------------------------------
+
+struct Bounded {
+  oracle::Meeting meeting;
+  double inside_error = 0, t_error = 0;
+};
+
+std::optional<Bounded> meet(const Scan& scan, std::size_t i, const Ray& ray) {
+  const oracle::Point o = {ray.origin[0], ray.origin[1], ray.origin[2]};
+  const oracle::Point d = {ray.direction[0], ray.direction[1], ray.direction[2]};
+  constexpr double kRounding = 16.0 / (1 << 24);
+  const double length = std::sqrt(oracle::dot(d, d));
+  double reach = 0, size = 0;
+  Bounded b;
+  const auto extend = [&](const oracle::Point& p) {
+    const oracle::Point s = oracle::sub(p, o);
+    reach = std::max({reach, std::sqrt(oracle::dot(s, s)), std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
+  };
+  if (scan.is_cloud()) {
+    const oracle::Point centre = point(scan.positions[i]);
+    b.meeting = oracle::meet_disc(centre, point(scan.normals[i]), scan.radii[i], o, d);
+    extend(centre);
+    size = scan.radii[i];
+    reach += size;
+  } else {
+    oracle::Point p[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      p[k] = point(scan.positions[scan.triangles[i][k]]);
+      extend(p[k]);
+    }
+    b.meeting = oracle::meet_triangle(p[0], p[1], p[2], o, d);
+    const oracle::Point n = oracle::cross(oracle::sub(p[1], p[0]), oracle::sub(p[2], p[0]));
+    double longest = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const oracle::Point e = oracle::sub(p[(k + 1) % 3], p[k]);
+      longest = std::max(longest, std::sqrt(oracle::dot(e, e)));
+    }
+    size = std::sqrt(oracle::dot(n, n)) / longest;  // least altitude
+  }
+  if (!b.meeting.crosses || !(reach < 1e30)) return std::nullopt;
+  const double cosine = std::abs(oracle::dot(b.meeting.normal, d)) / length;
+  b.inside_error = std::max(1e-6, kRounding * reach / (size * cosine));
+  b.t_error = kRounding * reach / (cosine * length);
+  return b;
+}
+
+std::vector<Hit> cast(const ExactTracer& tracer, const std::vector<Ray>& rays, RayQuery query) {
+  const Buffer<Ray> ray_buffer(tracer.device, rays);
+  Buffer<Hit> hits(tracer.device, rays.size());
+  hits.fill(0xcd);
+  trace_rays(tracer, ray_buffer, hits, rays.size(), query);
+  return hits.read();
+}
+
+/// Compares every ray; returns how many were beyond doubt (a hit well inside, or nothing anywhere near).
+std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::vector<Hit>& hits,
+                    RayQuery query) {
+  const std::size_t count = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
+  std::size_t beyond_doubt = 0;
+  for (std::size_t r = 0; r < rays.size(); ++r) {
+    const Ray& ray = rays[r];
+    const Hit& hit = hits[r];
+    bool doubt = false;
+    double nearest_sure = kInfinity;
+    std::optional<Bounded> claimed;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::optional<Bounded> b = meet(scan, i, ray);
+      if (!b) continue;
+      const double inside = b->meeting.inside, t = b->meeting.t;
+      const bool possible =
+          inside > -b->inside_error && t >= ray.tmin - b->t_error && t <= ray.tmax + b->t_error;
+      const bool sure = inside > b->inside_error && t >= ray.tmin + b->t_error && t <= ray.tmax - b->t_error;
+      if (sure) nearest_sure = std::min(nearest_sure, t + b->t_error);
+      doubt = doubt || (possible && !sure);
+      if (possible && i == hit.leaf) claimed = b;
+    }
+    const auto where = [&] {
+      return ::testing::Message() << "ray " << r << " o " << ray.origin[0] << ' ' << ray.origin[1] << ' '
+                                  << ray.origin[2] << " d " << ray.direction[0] << ' ' << ray.direction[1]
+                                  << ' ' << ray.direction[2] << " [" << ray.tmin << ", " << ray.tmax
+                                  << "] hit t " << hit.t << " leaf " << hit.leaf << ", surely one at "
+                                  << nearest_sure;
+    };
+    if (hit.leaf == RBVH_NO_LEAF) {
+      EXPECT_EQ(hit.t, kInfinity);
+      EXPECT_EQ(hit.flags, 0u);
+      EXPECT_EQ(nearest_sure, kInfinity) << where() << ": missed";
+    } else {
+      EXPECT_TRUE(claimed.has_value()) << where() << ": nothing is there";
+      if (!claimed) continue;
+      const oracle::Meeting& m = claimed->meeting;
+      EXPECT_NEAR(hit.t, m.t, claimed->t_error) << where();
+      EXPECT_GE(hit.t, ray.tmin) << where();
+      EXPECT_LE(hit.t, ray.tmax) << where();
+      if (query == RayQuery::kNearest) {
+        EXPECT_LE(hit.t, nearest_sure + claimed->t_error) << where() << ": not the nearest";
+      }
+      const double along =
+          m.normal[0] * hit.normal[0] + m.normal[1] * hit.normal[1] + m.normal[2] * hit.normal[2];
+      EXPECT_GT(along, 0.9999) << where();
+      const double slope =
+          (m.normal[0] * ray.direction[0] + m.normal[1] * ray.direction[1] + m.normal[2] * ray.direction[2]);
+      EXPECT_EQ((hit.flags & RBVH_HIT_BACK_FACE) != 0, slope > 0) << where();
+      EXPECT_NE(hit.flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
+      if (scan.is_cloud()) {
+        EXPECT_NEAR(std::hypot(hit.u, hit.v), 1 - m.inside, claimed->inside_error + 1e-5) << where();
+      } else {
+        EXPECT_NEAR(hit.u, m.u, claimed->inside_error + 1e-6) << where();
+        EXPECT_NEAR(hit.v, m.v, claimed->inside_error + 1e-6) << where();
+      }
+    }
+    beyond_doubt += doubt ? 0 : 1;
+    if (::testing::Test::HasFailure()) return 0;  // one ray's words are enough
+  }
+  return beyond_doubt;
+}
+
+class TraceExact : public testing::Test {
+ protected:
+  Device device = Device::open();
+  Random random{property_seed()};
+
+  void check(const Scan& scan, const std::vector<Ray>& rays, double least_beyond_doubt) {
+    const ExactTracer tracer = make_exact_tracer(device, scan);
+    const std::vector<Hit> nearest = cast(tracer, rays, RayQuery::kNearest);
+    const std::vector<Hit> any = cast(tracer, rays, RayQuery::kAny);
+    const std::size_t beyond_doubt = compare(scan, rays, nearest, RayQuery::kNearest);
+    if (HasFailure()) return;
+    EXPECT_GE(static_cast<double>(beyond_doubt), least_beyond_doubt * static_cast<double>(rays.size()));
+    compare(scan, rays, any, RayQuery::kAny);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      EXPECT_EQ(any[i].leaf == RBVH_NO_LEAF, nearest[i].leaf == RBVH_NO_LEAF) << "ray " << i;
+      EXPECT_GE(any[i].t, nearest[i].t) << "ray " << i;
+    }
+  }
+};
+
+TEST_F(TraceExact, RandomSoups) {
+  for (const std::size_t count : {0u, 1u, 2u, 7u, 8u, 9u, 100u, 3000u}) {
+    SCOPED_TRACE(count);
+    const Scan scan = soup(random, count, count > 500 ? 0.1f : 0.5f);
+    check(scan, random_rays(random, scan, count > 500 ? 2000 : 600), 0.97);
+    check(scan, exact_rays(random, scan, 300), 0);
+  }
+}
+
+TEST_F(TraceExact, RandomDiscs) {
+  for (const std::size_t count : {1u, 2u, 9u, 100u, 3000u}) {
+    SCOPED_TRACE(count);
+    const Scan scan = discs(random, count, count > 500 ? 0.08f : 0.5f);
+    check(scan, random_rays(random, scan, count > 500 ? 2000 : 600), 0.97);
+    check(scan, exact_rays(random, scan, 300), 0);
+  }
+}
+
+TEST_F(TraceExact, FarFromTheOrigin) {
+  for (const float offset : {-17.0f, 1000.0f}) {
+    Scan scan = soup(random, 500, 0.3f);
+    for (Vec3f& p : scan.positions) p = p + Vec3f{offset, -2 * offset, offset};
+    check(scan, random_rays(random, scan, 1000), 0.5);
+    check(scan, exact_rays(random, scan, 300), 0);
+    Scan cloud = discs(random, 500, 0.2f);
+    for (Vec3f& p : cloud.positions) p = p + Vec3f{offset, offset, offset};
+    check(cloud, random_rays(random, cloud, 1000), 0.5);
+  }
+}
+
+TEST_F(TraceExact, FlatGridAlongAcrossAndOnItsLines) {
+  for (const float height : {0.0f, 3.0f}) {
+    const Scan scan = grid(16, height);
+    check(scan, exact_rays(random, scan, 1000), 0);
+    check(scan, random_rays(random, scan, 1000), 0.8);
+    // Straight through every vertex and every middle of an edge: never a gap.
+    std::vector<Ray> rays;
+    for (int y = 0; y <= 32; ++y) {
+      for (int x = 0; x <= 32; ++x) {
+        const Vec3f o = {0.5f * static_cast<float>(x), 0.5f * static_cast<float>(y), height + 5};
+        rays.push_back(make_ray(o, {0, 0, -1}));
+        rays.push_back(make_ray(o, {-0.0f, -0.0f, -2}));
+      }
+    }
+    const std::vector<Hit> hits = cast(make_exact_tracer(device, scan), rays, RayQuery::kNearest);
+    for (std::size_t i = 0; i < hits.size(); ++i) {
+      ASSERT_EQ(hits[i].t, i % 2 ? 2.5f : 5.0f) << i;
+      ASSERT_NE(hits[i].leaf, RBVH_NO_LEAF) << i;
+    }
+  }
+}
+
+TEST_F(TraceExact, AClosedMeshHasNoGapAtVerticesAndEdges) {
+  const Scan scan = globe(random, 24, 48);
+  const ExactTracer tracer = make_exact_tracer(device, scan);
+  std::vector<Ray> rays;
+  for (const Vec3f& origin : {Vec3f{0, 0, 0}, Vec3f{0.5f, 0.25f, -0.125f}, uniform_point(random, 0.4f)}) {
+    for (const Vec3f& p : scan.positions) rays.push_back(make_ray(origin, p - origin));
+    for (const Triangle& t : scan.triangles) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Vec3f &a = scan.positions[t[k]], &b = scan.positions[t[(k + 1) % 3]];
+        for (const float s : {0.5f, uniform(random, 0, 1)})
+          rays.push_back(make_ray(origin, a + (b - a) * s - origin));
+      }
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      Vec3f d{};
+      d[axis] = 1;
+      rays.push_back(make_ray(origin, d));
+      rays.push_back(make_ray(origin, -d));
+    }
+  }
+  const std::vector<Hit> hits = cast(tracer, rays, RayQuery::kNearest);
+  for (std::size_t i = 0; i < hits.size(); ++i) {
+    ASSERT_NE(hits[i].leaf, RBVH_NO_LEAF) << "ray " << i << " leaves a closed mesh";
+  }
+}
+
+TEST_F(TraceExact, OfDuplicatesTheFirstIsHit) {
+  Scan scan = soup(random, 1, 1);
+  const Scan one = scan;
+  for (int i = 0; i < 300; ++i) scan.triangles.push_back(one.triangles[0]);
+  std::vector<Ray> rays = random_rays(random, scan, 500);
+  check(scan, rays, 0.9);
+  for (const Hit& hit : cast(make_exact_tracer(device, scan), rays, RayQuery::kNearest)) {
+    EXPECT_TRUE(hit.leaf == 0 || hit.leaf == RBVH_NO_LEAF) << hit.leaf;
+  }
+}
+
+TEST_F(TraceExact, PrimitivesThatAreNotThereAreNeverHit) {
+  Scan scan = soup(random, 40, 0.5f);
+  scan.positions[3].y = kNan;
+  scan.positions[7].x = kInfinity;
+  scan.positions[9].z = -kInfinity;
+  scan.positions[13] = scan.positions[12];  // a line
+  scan.positions[17] =
+      scan.positions[15] + (scan.positions[16] - scan.positions[15]) * 2.0f;  // a line in space
+  scan.positions[18] = scan.positions[19] = scan.positions[20];               // a point
+  check(scan, random_rays(random, scan, 1000), 0.9);
+  const ExactTracer tracer = make_exact_tracer(device, scan);
+  for (const Hit& hit : cast(tracer, exact_rays(random, scan, 1000), RayQuery::kNearest)) {
+    for (const std::uint32_t id : {1u, 2u, 3u, 4u, 6u}) EXPECT_NE(hit.leaf, id);
+  }
+  Scan cloud = discs(random, 40, 0.5f);
+  cloud.positions[1].x = kNan;
+  cloud.normals[2] = {};
+  cloud.normals[3].z = kNan;
+  cloud.radii[4] = 0;
+  cloud.radii[5] = -1;
+  cloud.radii[6] = kNan;
+  cloud.radii[7] = kInfinity;
+  for (const Hit& hit :
+       cast(make_exact_tracer(device, cloud), random_rays(random, cloud, 3000), RayQuery::kNearest)) {
+    EXPECT_TRUE(hit.leaf == RBVH_NO_LEAF || hit.leaf == 0 || hit.leaf > 7) << hit.leaf;
+  }
+}
+
+TEST_F(TraceExact, NothingButBadPrimitivesIsAnEmptyScene) {
+  Scan scan;
+  add_triangle(scan, {0, 0, 0}, {1, 1, 1}, {2, 2, 2});
+  add_triangle(scan, {kNan, 0, 0}, {1, 0, 0}, {0, 1, 0});
+  for (const Hit& hit : cast(make_exact_tracer(device, scan), random_rays(random, soup(random, 1, 1), 100),
+                             RayQuery::kNearest)) {
+    EXPECT_EQ(hit.leaf, RBVH_NO_LEAF);
+  }
+}
+
+TEST_F(TraceExact, BadRaysHitNothing) {
+  Scan scan;
+  add_triangle(scan, {-1, -1, 0}, {1, -1, 0}, {0, 1, 0});
+  const Vec3f o = {0, 0, 1}, d = {0, 0, -1};
+  const std::vector<Ray> rays = {make_ray({kNan, 0, 1}, d), make_ray(o, {0, kNan, -1}),
+                                 make_ray(o, {0, 0, 0}),    make_ray(o, {0, 0, -kInfinity}),
+                                 make_ray(o, d, kNan),      make_ray(o, d, 0, kNan),
+                                 make_ray(o, d, 2, 1),      make_ray(o, d, 0, 0.5f),
+                                 make_ray(o, d, 1.5f)};
+  for (const RayQuery query : {RayQuery::kNearest, RayQuery::kAny}) {
+    const std::vector<Hit> hits = cast(make_exact_tracer(device, scan), rays, query);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      EXPECT_EQ(hits[i].leaf, RBVH_NO_LEAF) << i;
+      EXPECT_EQ(hits[i].t, kInfinity) << i;
+    }
+    // The interval's ends belong to it.
+    EXPECT_EQ(cast(make_exact_tracer(device, scan), {make_ray(o, d, 1, 1)}, query)[0].t, 1.0f);
+    EXPECT_EQ(cast(make_exact_tracer(device, scan), {make_ray({0, 0, -1}, d, -1, 1)}, query)[0].t, -1.0f);
+  }
+}
+
+TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
+  const Scan scan = soup(random, 300, 0.4f);
+  const Bounds3f box = bounds(scan);
+  const Camera camera =
+      place_camera({}, {static_cast<Vec3d>(box.lo), static_cast<Vec3d>(box.hi)}, {0, 1, 0}, 1.3);
+  const CameraRays words = camera_rays(camera, 37, 29);  // not whole squares
+  std::vector<Ray> rays;
+  for (std::uint32_t y = 0; y < words.height; ++y) {
+    for (std::uint32_t x = 0; x < words.width; ++x) {
+      rays.push_back(
+          make_ray({words.position[0], words.position[1], words.position[2]}, pixel_direction(words, x, y)));
+    }
+  }
+  const ExactTracer tracer = make_exact_tracer(device, scan);
+  Buffer<Hit> hits(device, rays.size());
+  Buffer<std::uint32_t> steps(device, rays.size());
+  hits.fill(0xcd);
+  steps.fill(0);
+  trace_camera(tracer, words, hits, &steps);
+  EXPECT_GT(compare(scan, rays, hits.read(), RayQuery::kNearest), rays.size() * 9 / 10);
+  for (const std::uint32_t count : steps.read()) EXPECT_GE(count, 1u);
+}
+
+}  // namespace
+}  // namespace rbvh
