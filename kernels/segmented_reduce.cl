@@ -51,9 +51,9 @@ static uint first_start(__global const uint* offsets, uint segments, uint positi
   return low;
 }
 
-__kernel void segmented_reduce_blocks(__global const VALUE* values, uint count, uint blocks_per_item,
-                                      uint blocks, __global const uint* offsets, uint segments,
-                                      __global VALUE* heads, __global VALUE* out) {
+__kernel void segmented_reduce_blocks(__global const VALUE* values, uint blocks_per_item, uint blocks,
+                                      __global const uint* offsets, uint segments, __global VALUE* heads,
+                                      __global VALUE* out) {
   const uint first = (uint)get_global_id(0) * blocks_per_item;
   if (first >= blocks) return;
   const uint last = first + min(blocks_per_item, blocks - first);
@@ -69,9 +69,8 @@ __kernel void segmented_reduce_blocks(__global const VALUE* values, uint count, 
   }
 }
 
-__kernel void segmented_reduce_join(uint count, uint blocks_per_item, uint blocks,
-                                    __global const uint* offsets, uint segments, __global const VALUE* heads,
-                                    __global VALUE* out) {
+__kernel void segmented_reduce_join(uint blocks_per_item, uint blocks, __global const uint* offsets,
+                                    uint segments, __global const VALUE* heads, __global VALUE* out) {
   const uint first = (uint)get_global_id(0) * blocks_per_item;
   if (first >= blocks) return;
   const uint last = first + min(blocks_per_item, blocks - first);
