@@ -87,7 +87,8 @@ std::size_t write_cloud(const DemoShape& shape, const RangeImage& image, std::si
   const auto width = static_cast<std::size_t>(image.width);
   for (std::size_t i = 0; i < image.ranges.size(); ++i) {
     if (image.ranges[i] == 0 || random_unit(options.seed, view, i) >= share) continue;
-    const Vec3f direction = image.direction(static_cast<float>(i % width), static_cast<float>(i / width));
+    const std::size_t row = i / width, column = i % width;
+    const Vec3f direction = image.direction(static_cast<float>(column), static_cast<float>(row));
     points.push_back({image.eye + direction * image.ranges[i], 0});
   }
   parallel_for(points.size(), 4096, [&](std::size_t begin, std::size_t end) {

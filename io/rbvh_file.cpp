@@ -9,7 +9,6 @@
 
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -234,14 +233,6 @@ void refuse_special(const std::string& path, const OutputFile& file) {
 
 std::string atlas_path(const std::string& rbvh_path) {
   return std::filesystem::path(rbvh_path).replace_extension(".atlas.tif").string();
-}
-
-bool is_rbvh_file(const std::string& path) {
-  char start[8] = {};
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) return false;
-  std::ifstream(path, std::ios::binary).read(start, sizeof start);
-  return std::memcmp(start + 4, file::PairIdentifier(), 4) == 0;
 }
 
 Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path, PairHeader& header) {

@@ -17,9 +17,6 @@ inline constexpr std::uint16_t kFormatMajor = 1, kFormatMinor = 0;
 /// The atlas that belongs to an .rbvh path: beside it, by stem.
 std::string atlas_path(const std::string& rbvh_path);
 
-/// Whether the file begins as an .rbvh does. False for one that cannot be read.
-bool is_rbvh_file(const std::string& path);
-
 /// What stands in a pair beside its levels.
 struct PairHeader {
   std::uint16_t major = 0, minor = 0;

@@ -25,7 +25,14 @@ typedef struct Tile {
   ushort width, height;
   float step_limit;  // in height quanta
   float top;         // the largest height
+  float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
+  uint unused[2];
 } Tile;
+
+// Sixteen points at a time or one: inside the leaf's box?
+#define INSIDE(tile, x, y, z)                                                                            \
+  (((x) >= (tile)->lo[0]) & ((x) <= (tile)->hi[0]) & ((y) >= (tile)->lo[1]) & ((y) <= (tile)->hi[1]) & \
+   ((z) >= (tile)->lo[2]) & ((z) <= (tile)->hi[2]))
 
 // A direction component of zero becomes a tiny one, so that 1/d is finite and no slab test sees 0 * inf.
 inline float nonzero(float d) { return fabs(d) < 1e-20f ? copysign(1e-20f, d) : d; }
@@ -181,7 +188,9 @@ inline float march(__global const Tile* tile, __global const ushort* heights, fl
       const float h = patch_height(p, width, height, ou + du * hit, ov + dv * hit);
       const float again = hit - (ow + dw * hit - h) / slope;
       if (again >= tt[i] && again <= tt[i + 1]) hit = again;
-      if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i])) return hit;
+      if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i]) &&
+          INSIDE(tile, o.x + d.x * hit, o.y + d.y * hit, o.z + d.z * hit))
+        return hit;
     }
     k += 15 * dir;
     if (k < 0 || k >= n_major || any_hi(t) >= t1) return tmax;
@@ -371,7 +380,8 @@ inline void march_packet(__global const Tile* tile, __global const ushort* heigh
       const int16 whole = (a > 0.0f) & (b > 0.0f) & (c > 0.0f) & (e > 0.0f);
       const float16 newton = secant - (ow + dw * secant - (ha + (hb - ha) * fv)) / slope;
       const float16 hit = select(secant, newton, whole & (newton >= t) & (newton <= t_line));
-      const int16 taken = crossed & (hit > 0.0f) & (hit < rays->t);
+      const int16 taken = crossed & (hit > 0.0f) & (hit < rays->t) &
+                          INSIDE(tile, o.x + rays->dx * hit, o.y + rays->dy * hit, o.z + rays->dz * hit);
       rays->t = select(rays->t, hit, taken);
       rays->leaf = select(rays->leaf, (int16)(id), taken);
       active &= ~taken;

@@ -18,6 +18,8 @@ struct Tile {
   std::uint32_t texels_used = 0;
   std::size_t first_texel = 0;  ///< in TileTexels
   bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
+  bool has_back = false;        ///< part of it faces away: better split by facing, along w
+  Vec3f w;                      ///< the tile's outside, unit
 };
 
 /// The texels of many tiles, one after the other.
@@ -27,7 +29,7 @@ struct TileTexels {
 
 struct RasterConfig {
   float rho = 0;         ///< texels per unit of area, scan units: the paper's rho / total area
-  float reach = 1.25;       ///< texels that a tile reaches past its primitives
+  float reach = 1.5;     ///< texels that a tile reaches past its primitives
   float layer_gap = 2;   ///< two coverings of a texel further apart (texels) are two layers
   float step_limit = 8;  ///< neighbouring texels further apart in height (texels) are two surfaces
 };

@@ -20,8 +20,10 @@ struct DeviceTile {
   std::uint16_t width, height;
   float step_limit;
   float top;  ///< the tile's largest height
+  float lo[3], hi[3];
+  std::uint32_t unused[2];
 };
-static_assert(sizeof(DeviceTile) == 64);
+static_assert(sizeof(DeviceTile) == 96);
 
 std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
 
@@ -42,10 +44,17 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   std::vector<std::uint32_t> leaves;
   std::vector<std::uint16_t> heights;
   const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
+  std::vector<const RbvhNode*> boxes(level.leaves.size());
+  for (const RbvhNode& node : level.nodes)
+    if (node.count == 1) boxes[node.first] = &node;
   for (const RbvhLeaf& leaf : level.leaves) {
+    const RbvhNode& box = *boxes[static_cast<std::size_t>(&leaf - level.leaves.data())];
     DeviceTile tile{};
     for (int row = 0; row < 3; ++row)
-      for (int column = 0; column < 4; ++column) tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
+      for (int column = 0; column < 4; ++column)
+        tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
+    std::copy_n(box.lo, 3, tile.lo);
+    std::copy_n(box.hi, 3, tile.hi);
     tile.offset = static_cast<std::uint32_t>(heights.size());
     tile.width = leaf.width;
     tile.height = leaf.height;
@@ -55,7 +64,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
       heights.insert(heights.end(), row, row + leaf.width);
       tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
     }
-    const auto words = std::bit_cast<std::array<std::uint32_t, 16>>(tile);
+    const auto words = std::bit_cast<std::array<std::uint32_t, 24>>(tile);
     leaves.insert(leaves.end(), words.begin(), words.end());
   }
   heights.push_back(0);  // the kernels may read one texel past the last

@@ -86,7 +86,8 @@ inline Rbvh make_small_rbvh(std::uint32_t seed = 0) {
     level.layers = {{"height", 1, {}}, {"normal", 1, {}}, {"color", 1, {}}};
     for (Layer& layer : level.layers)
       for (std::uint32_t i = 0; i < 30; ++i)
-        layer.texels.push_back(static_cast<std::uint16_t>((i + seed) * 2477u + layer.name.size() * 7919u));
+        layer.texels.push_back(static_cast<std::uint16_t>((i + seed) * 2477u +
+                                                          static_cast<std::uint32_t>(layer.name[0]) * 7919u));
     level.texels_used = 29;
     rbvh.levels.push_back(std::move(level));
   }

@@ -519,12 +519,7 @@ TEST_F(RbvhFileTest, PairsNeedAFolder) {
   EXPECT_EQ(files(), 0u);
 }
 
-TEST_F(RbvhFileTest, KnowsItsFiles) {
-  write_rbvh(path("a.rbvh"), make_small_rbvh(), false);
-  EXPECT_TRUE(is_rbvh_file(path("a.rbvh")));
-  EXPECT_FALSE(is_rbvh_file(path("a.atlas.tif")));
-  EXPECT_FALSE(is_rbvh_file(path("missing")));
-  EXPECT_FALSE(is_rbvh_file(folder_.string()));
+TEST(AtlasPath, LiesBesideByStem) {
   EXPECT_EQ(atlas_path("x/a.b.rbvh"), "x/a.b.atlas.tif");
   EXPECT_EQ(atlas_path("a"), "a.atlas.tif");
 }

@@ -1,0 +1,235 @@
+// rbvh info: what a pair or a scan holds.
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+#include <memory>
+#include <set>
+
+#include "cli/common.h"
+#include "cli/stages.h"
+#include "cli/subject.h"
+#include "io/rbvh_file.h"
+#include "io/scan_io.h"
+
+namespace rbvh {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Names out of a file go to a terminal only without its control characters.
+std::string printable(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  return text;
+}
+
+std::string hex(std::uint64_t hash) { return fmt::format("{:016x}", hash); }
+
+template <class T>
+Json vec_json(const Vec3<T>& v) {
+  return {v.x, v.y, v.z};
+}
+
+template <class T>
+Json bounds_json(const Bounds3<T>& b) {
+  if (b.empty()) return nullptr;
+  return {{"lo", vec_json(b.lo)}, {"hi", vec_json(b.hi)}};
+}
+
+std::string vec_text(const Json& v) {
+  return fmt::format("{:.9g} {:.9g} {:.9g}", v[0].get<double>(), v[1].get<double>(), v[2].get<double>());
+}
+
+std::string bounds_text(const Json& b) {
+  return b.is_null() ? "none" : vec_text(b["lo"]) + " to " + vec_text(b["hi"]);
+}
+
+// --- pairs
+// --------------------------------------------------------------------------------------------------------
+
+std::uint64_t primitives_of(const RbvhSource& source) {
+  return source.triangles > 0 ? source.triangles : source.vertices;
+}
+
+Json level_json(const Level& level, std::uint64_t primitives) {
+  Json json = {{"name", level.name},
+               {"rho", level.rho},
+               {"alpha", level.alpha},
+               {"phi_degrees", level.phi_degrees},
+               {"nodes", level.nodes.size()},
+               {"leaves", level.leaves.size()},
+               {"atlas", {level.atlas_width, level.atlas_height}},
+               {"texels_used", level.texels_used},
+               {"bytes", level.stored_bytes},
+               {"bytes_per_primitive", primitives == 0 ? Json(nullptr)
+                                                       : Json(static_cast<double>(level.stored_bytes) /
+                                                              static_cast<double>(primitives))},
+               {"bounds", bounds_json(level.bounds)},
+               {"layers", Json::array()},
+               {"fidelity", nullptr}};
+  for (const Layer& layer : level.layers)
+    json["layers"].push_back({{"name", layer.name}, {"channels", layer.channels}});
+  if (const LevelFidelity& f = level.fidelity; f.measured)
+    json["fidelity"] = {{"mask_mismatch_percent", f.mask_mismatch_percent},
+                        {"median_dt", f.median_dt},
+                        {"p99_dt", f.p99_dt},
+                        {"holes", f.holes},
+                        {"leaks", f.leaks},
+                        {"walls", f.walls}};
+  return json;
+}
+
+Json pair_json(const std::string& path) {
+  PairHeader header;
+  const Rbvh rbvh = read_rbvh(path, &header);
+  const RbvhSource& source = rbvh.source;
+  Json json = {
+      {"file", path},
+      {"kind", "rbvh"},
+      {"format", fmt::format("{}.{}", header.major, header.minor)},
+      {"bytes", header.hierarchy_bytes + header.atlas_bytes},
+      {"hierarchy", {{"bytes", header.hierarchy_bytes}, {"hash", hex(header.hierarchy_hash)}}},
+      {"atlas",
+       {{"file", atlas_path(path)}, {"bytes", header.atlas_bytes}, {"hash", hex(header.atlas_hash)}}},
+      {"source",
+       {{"name", source.name},
+        {"hash", hex(source.hash)},
+        {"kind", source.triangles > 0 ? "mesh" : "cloud"},
+        {"vertices", source.vertices},
+        {"triangles", source.triangles},
+        {"area", source.area},
+        {"units", source.units},
+        {"shift", vec_json(source.shift)},
+        {"bounds", bounds_json(source.bounds)}}},
+      {"build_options", Json::parse(rbvh.build_options)},
+      {"levels", Json::array()}};
+  for (const Level& level : rbvh.levels) json["levels"].push_back(level_json(level, primitives_of(source)));
+  return json;
+}
+
+std::string pair_text(const Json& json) {
+  const Json& source = json["source"];
+  const auto string = [](const Json& value) { return printable(value.get<std::string>()); };
+  const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
+  std::string text = string(json["file"]) + ": RBVH pair, format " + string(json["format"]) + ", " +
+                     bytes(json["bytes"]) + " (hierarchy " + bytes(json["hierarchy"]["bytes"]) + ", atlas " +
+                     bytes(json["atlas"]["bytes"]) + ")\n";
+  text += "source   " + string(source["name"]) + " (" + string(source["hash"]) +
+          "): " + string(source["kind"]) + ", " + source["vertices"].dump() + " vertices, " +
+          source["triangles"].dump() + " triangles, area " +
+          fmt::format("{:.6g}", source["area"].get<double>()) + ", units " + string(source["units"]) + "\n";
+  text += "bounds   " + bounds_text(source["bounds"]) + "\n";
+  text += "shift    " + vec_text(source["shift"]) + "\n";
+  text += "options  " + printable(json["build_options"].dump()) + "\n";
+  text +=
+      "level       rho  alpha  phi   leaves    nodes        atlas  used      bytes  per primitive  layers\n";
+  for (const Json& level : json["levels"]) {
+    const auto width = level["atlas"][0].get<std::uint64_t>(),
+               height = level["atlas"][1].get<std::uint64_t>();
+    std::string layers;
+    for (const Json& layer : level["layers"]) layers += (layers.empty() ? "" : " ") + string(layer["name"]);
+    const Json& each = level["bytes_per_primitive"];
+    text += fmt::format(
+        "{:<6} {:>8.6g}  {:>5.3g}  {:>3.3g} {:>8} {:>8} {:>12}  {:>3.0f}% {:>10} {:>14}  {}\n",
+        string(level["name"]), level["rho"].get<double>(), level["alpha"].get<double>(),
+        level["phi_degrees"].get<double>(), level["leaves"].dump(), level["nodes"].dump(),
+        fmt::format("{} x {}", width, height),
+        100 * level["texels_used"].get<double>() / static_cast<double>(width * height), bytes(level["bytes"]),
+        each.is_null() ? "-" : fmt::format("{:.3g} B", each.get<double>()), layers);
+  }
+  for (const Json& level : json["levels"])
+    if (const Json& f = level["fidelity"]; !f.is_null())
+      text += string(level["name"]) + " against its source: mask mismatch " +
+              fmt::format(
+                  "{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {} holes, {} leaks, "
+                  "{} walls\n",
+                  f["mask_mismatch_percent"].get<double>(), f["median_dt"].get<double>(),
+                  f["p99_dt"].get<double>(), f["holes"].dump(), f["leaks"].dump(), f["walls"].dump());
+  return text;
+}
+
+// --- scans
+// --------------------------------------------------------------------------------------------------------
+
+Json scan_json(const std::string& path) {
+  const RawScan scan = read_scan(path);
+  const bool is_mesh = !scan.triangles.empty();
+  Bounds3d box;
+  std::uint64_t non_finite = 0;
+  for (const Vec3d& p : scan.positions) {
+    if (is_finite(p))
+      box.add(p);
+    else
+      ++non_finite;
+  }
+  Json json = {{"file", path},
+               {"kind", is_mesh ? "mesh" : "cloud"},
+               {"vertices", scan.positions.size()},
+               {"triangles", scan.triangles.size()},
+               {"objects", std::set<std::int32_t>(scan.object_ids.begin(), scan.object_ids.end()).size()},
+               {"non_finite", non_finite},
+               {"bounds", bounds_json(box)},
+               {"shift", vec_json(scan.shift)},
+               {"normals", !scan.normals.empty()},
+               {"radii", !scan.radii.empty()},
+               {"colors", !scan.colors.empty()},
+               {"properties", Json::array()},
+               {"notes", scan.notes}};
+  if (scan.object_ids.empty()) json["objects"] = 1;
+  for (const ScalarProperty& property : scan.properties) json["properties"].push_back(property.name);
+  if (is_mesh) {
+    double area = 0;
+    for (const Triangle& t : scan.triangles) {
+      const Vec3d a = scan.positions[t[0]];
+      const double twice = length(cross(scan.positions[t[1]] - a, scan.positions[t[2]] - a));
+      if (std::isfinite(twice)) area += twice / 2;
+    }
+    json["area"] = area;
+  }
+  return json;
+}
+
+std::string scan_text(const Json& json) {
+  std::string text = printable(json["file"].get<std::string>()) + ": " + json["kind"].get<std::string>() +
+                     ", " + json["vertices"].dump() + " vertices, " + json["triangles"].dump() +
+                     " triangles, " + json["objects"].dump() +
+                     (json["objects"] == 1 ? " object" : " objects");
+  if (json.contains("area")) text += ", area " + fmt::format("{:.6g}", json["area"].get<double>());
+  text += "\n";
+  if (json["non_finite"] != 0) text += "not finite  " + json["non_finite"].dump() + " vertices\n";
+  text += "bounds      " + bounds_text(json["bounds"]) + "\n";
+  text += "shift       " + vec_text(json["shift"]) + "\n";
+  text += "vertices    position";
+  for (const char* attribute : {"normals", "radii", "colors"})
+    if (json[attribute].get<bool>()) text += std::string(" ") + attribute;
+  for (const Json& name : json["properties"]) text += " " + printable(name.get<std::string>());
+  text += "\n";
+  for (const Json& sentence : json["notes"])
+    text += "note        " + printable(sentence.get<std::string>()) + "\n";
+  return text;
+}
+
+void run_info(const std::string& path, bool as_json) {
+  const bool is_pair = is_rbvh(path);
+  const Json json = is_pair ? pair_json(path) : scan_json(path);
+  print_data(as_json   ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
+             : is_pair ? pair_text(json)
+                       : scan_text(json));
+}
+
+}  // namespace
+
+void add_info(CLI::App& app, Context& context) {
+  struct Options {
+    std::string file;
+    bool as_json = false;
+  };
+  const auto options = std::make_shared<Options>();
+  CLI::App* stage =
+      add_stage(app, context, {"info", "Say what a pair or a scan holds", "rbvh info dragon.rbvh --json"}, 0,
+                [options] { run_info(options->file, options->as_json); });
+  stage->add_option("FILE", options->file, "an .rbvh, or a scan (-: standard input)")->required();
+  stage->add_flag("--json", options->as_json, "as JSON");
+}
+
+}  // namespace rbvh

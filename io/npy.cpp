@@ -1,0 +1,209 @@
+// A .npy file: "\x93NUMPY", version (2 bytes), length of the header (2 or 4 bytes), the header (a Python
+// literal:
+// {'descr': '<f4', 'fortran_order': False, 'shape': (3, 6), }, padded with spaces to a newline), the values.
+#include "io/npy.h"
+
+#include <bit>
+#include <cstring>
+#include <limits>
+#include <optional>
+
+#include "io/input_file.h"
+#include "io/output_file.h"
+#include "pipeline/base/error.h"
+
+namespace rbvh {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+constexpr std::string_view kMagic = "\x93NUMPY";
+constexpr std::size_t kHeaderAlignment = 64;
+
+struct Header {
+  std::string descr;
+  bool fortran_order = false;
+  std::vector<std::uint64_t> shape;
+};
+
+// Reads the few Python literals that a header is made of; every member is false or empty where the text is
+// something else.
+class LiteralReader {
+ public:
+  explicit LiteralReader(std::string_view text) : text_(text) {}
+
+  bool take(char c) {
+    skip_space();
+    if (at_ >= text_.size() || text_[at_] != c) return false;
+    ++at_;
+    return true;
+  }
+  bool at_end() {
+    skip_space();
+    return at_ == text_.size();
+  }
+  std::optional<std::string> string() {
+    skip_space();
+    if (at_ >= text_.size() || (text_[at_] != '\'' && text_[at_] != '"')) return {};
+    const std::size_t end = text_.find(text_[at_], at_ + 1);
+    if (end == std::string_view::npos) return {};
+    const std::string value(text_.substr(at_ + 1, end - at_ - 1));
+    at_ = end + 1;
+    return value;
+  }
+  std::optional<bool> boolean() {
+    if (word("True")) return true;
+    if (word("False")) return false;
+    return {};
+  }
+  std::optional<std::vector<std::uint64_t>> tuple() {
+    if (!take('(')) return {};
+    std::vector<std::uint64_t> values;
+    while (!take(')')) {
+      const std::optional<std::uint64_t> value = number();
+      if (!value) return {};
+      values.push_back(*value);
+      if (take(',')) continue;
+      if (!take(')')) return {};
+      break;
+    }
+    return values;
+  }
+
+ private:
+  void skip_space() {
+    while (at_ < text_.size() && (text_[at_] == ' ' || text_[at_] == '\n' || text_[at_] == '\t')) ++at_;
+  }
+  bool word(std::string_view wanted) {
+    skip_space();
+    if (!text_.substr(at_).starts_with(wanted)) return false;
+    at_ += wanted.size();
+    return true;
+  }
+  std::optional<std::uint64_t> number() {
+    skip_space();
+    const std::size_t start = at_;
+    std::uint64_t value = 0;
+    for (; at_ < text_.size() && text_[at_] >= '0' && text_[at_] <= '9'; ++at_) {
+      const auto digit = static_cast<std::uint64_t>(text_[at_] - '0');
+      if (value > (std::numeric_limits<std::uint64_t>::max() - digit) / 10) return {};
+      value = value * 10 + digit;
+    }
+    return at_ > start ? std::optional(value) : std::nullopt;
+  }
+
+  std::string_view text_;
+  std::size_t at_ = 0;
+};
+
+std::optional<Header> parse_header(std::string_view text) {
+  LiteralReader in(text);
+  std::optional<std::string> descr;
+  std::optional<bool> fortran_order;
+  std::optional<std::vector<std::uint64_t>> shape;
+  if (!in.take('{')) return {};
+  while (!in.take('}')) {
+    const std::optional<std::string> key = in.string();
+    if (!key || !in.take(':')) return {};
+    bool is_read = false;
+    if (*key == "descr") is_read = (descr = in.string()).has_value();
+    if (*key == "fortran_order") is_read = (fortran_order = in.boolean()).has_value();
+    if (*key == "shape") is_read = (shape = in.tuple()).has_value();
+    if (!is_read) return {};
+    if (in.take(',')) continue;
+    if (!in.take('}')) return {};
+    break;
+  }
+  if (!in.at_end() || !descr || !fortran_order || !shape) return {};
+  return Header{*descr, *fortran_order, *shape};
+}
+
+std::string shape_text(const std::vector<std::uint64_t>& shape) {
+  std::string text = "(";
+  for (std::size_t i = 0; i < shape.size() && i < 8; ++i)
+    text += (i > 0 ? ", " : "") + std::to_string(shape[i]);
+  return text + (shape.size() > 8 ? ", ...)" : shape.size() == 1 ? ",)" : ")");
+}
+
+std::string columns_text(std::span<const std::size_t> columns) {
+  std::string text;
+  for (const std::size_t c : columns) text += (text.empty() ? "(N, " : " or (N, ") + std::to_string(c) + ")";
+  return text;
+}
+
+std::uint32_t little_endian(std::string_view bytes) {
+  std::uint32_t value = 0;
+  std::memcpy(&value, bytes.data(), bytes.size());
+  return value;
+}
+
+}  // namespace
+
+FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns) {
+  const auto refuse = [&](const std::string& what) { return Error(ExitCode::kInput, name, what); };
+  if (!bytes.starts_with(kMagic)) throw refuse("is no .npy file: it does not begin with \\x93NUMPY");
+  if (bytes.size() < 8)
+    throw refuse("is cut at byte " + std::to_string(bytes.size()) + ", before its version");
+  const auto major = static_cast<unsigned char>(bytes[6]), minor = static_cast<unsigned char>(bytes[7]);
+  if (major < 1 || major > 3 || minor != 0)
+    throw refuse("is of .npy version " + std::to_string(major) + "." + std::to_string(minor) +
+                 "; 1.0, 2.0 and 3.0 can be read");
+  const std::size_t length_bytes = major == 1 ? 2 : 4, header_at = 8 + length_bytes;
+  if (bytes.size() < header_at || bytes.size() - header_at < little_endian(bytes.substr(8, length_bytes)))
+    throw refuse("is cut at byte " + std::to_string(bytes.size()) + ", within its header");
+  const std::size_t data_at = header_at + little_endian(bytes.substr(8, length_bytes));
+  const std::optional<Header> header = parse_header(bytes.substr(header_at, data_at - header_at));
+  if (!header)
+    throw refuse("has a header at byte " + std::to_string(header_at) +
+                 " that is not a plain array's; save a 2-D float32 array with numpy.save");
+
+  if (header->descr != "<f4")
+    throw refuse("has values of type '" + header->descr.substr(0, 16) +
+                 "'; '<f4' is wanted: save it with array.astype('<f4')");
+  if (header->fortran_order) throw refuse("is in Fortran order; save it with numpy.ascontiguousarray(array)");
+  bool fits = header->shape.size() == 2;
+  if (fits) {
+    fits = false;
+    for (const std::size_t c : columns) fits = fits || header->shape[1] == c;
+  }
+  if (!fits)
+    throw refuse("has the shape " + shape_text(header->shape) + "; " + columns_text(columns) + " is wanted");
+
+  FloatTable table;
+  const std::uint64_t there = bytes.size() - data_at, row_bytes = header->shape[1] * sizeof(float);
+  if (header->shape[0] > there / row_bytes)
+    throw refuse("is cut: " + std::to_string(header->shape[0]) + " rows are announced and " +
+                 std::to_string(there / row_bytes) + " whole ones are there");
+  if (header->shape[0] * row_bytes != there)
+    throw refuse("has " + std::to_string(there - header->shape[0] * row_bytes) +
+                 " bytes too many after its " + std::to_string(header->shape[0]) + " rows, from byte " +
+                 std::to_string(data_at + header->shape[0] * row_bytes));
+  table.rows = static_cast<std::size_t>(header->shape[0]);
+  table.columns = static_cast<std::size_t>(header->shape[1]);
+  table.values.resize(table.rows * table.columns);
+  if (!table.values.empty())
+    std::memcpy(table.values.data(), bytes.data() + data_at, static_cast<std::size_t>(there));
+  return table;
+}
+
+FloatTable read_npy(const std::string& path, std::span<const std::size_t> columns) {
+  const InputBytes bytes = read_input(path);
+  return decode_npy(bytes.view(), input_name(path), columns);
+}
+
+void write_npy(const std::string& path, std::span<const float> values, std::size_t columns, bool overwrite) {
+  RBVH_CHECK(columns > 0 && values.size() % columns == 0);
+  std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
+                       std::to_string(values.size() / columns) + ", " + std::to_string(columns) + "), }";
+  const std::size_t before = kMagic.size() + 4, used = before + header.size() + 1;
+  header.append((kHeaderAlignment - used % kHeaderAlignment) % kHeaderAlignment, ' ');
+  header += '\n';
+  std::string bytes(kMagic);
+  bytes += {'\x01', '\x00', static_cast<char>(header.size() & 255), static_cast<char>(header.size() >> 8)};
+  bytes += header;
+  bytes.append(reinterpret_cast<const char*>(values.data()), values.size_bytes());
+  OutputFile file(path, overwrite);
+  file.write(bytes);
+  file.commit();
+}
+
+}  // namespace rbvh
