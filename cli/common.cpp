@@ -62,6 +62,9 @@ void begin_stage(Context& context) {
   }
   context.progress.start(context.quiet ? ProgressMode::kNone : context.progress_mode, context.stage,
                          use_color(context));
+  set_compile_notice([&context](std::string_view line) {
+    note(context, "rbvh " + context.stage + ": " + std::string(line));
+  });
   context.report = {{"stage", context.stage}, {"version", RBVH_VERSION}};
 }
 

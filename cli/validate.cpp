@@ -2,15 +2,16 @@
 // of.
 #include <spdlog/fmt/fmt.h>
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 
 #include "cli/common.h"
+#include "cli/measure.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
-#include "pipeline/rbvh/fidelity.h"
 
 namespace rbvh {
 namespace {
@@ -21,6 +22,7 @@ struct ValidateOptions {
   std::string file, against;
   std::vector<std::string> levels;  // empty: all
   ViewsConfig views;
+  std::string pictures;
   bool as_json = false;
 };
 
@@ -49,21 +51,52 @@ void move_to_shift(Scan& scan, const Vec3d& shift) {
   scan.shift = shift;
 }
 
+void make_folder(const std::string& path) {
+  std::error_code code;
+  std::filesystem::create_directories(path, code);
+  if (code) throw Error(ExitCode::kFailure, path, "the folder cannot be made: " + code.message());
+}
+
 Json distribution_json(const Distribution& d) {
   return {{"median", d.median}, {"p95", d.p95}, {"p99", d.p99}, {"p99.9", d.p999}, {"max", d.max}};
 }
 
-Json fidelity_json(const std::string& level, const ViewsFidelity& f) {
-  return {{"level", level},
-          {"pixels", f.all.pixels},
-          {"holes", f.all.holes},
-          {"leaks", f.all.leaks},
-          {"walls", f.all.walls},
-          {"worst_view", {{"holes", f.worst_holes}, {"leaks", f.worst_leaks}, {"walls", f.worst_walls}}},
-          {"mask_mismatch_percent", f.all.mismatch_percent()},
-          {"mismatch_at_silhouette_percent", f.all.silhouette_percent()},
-          {"dt", distribution_json(f.all.dt)},
-          {"normal_degrees", distribution_json(f.all.normal_degrees)}};
+Json image_json(const ImageError& e) { return {{"rmse", e.rmse}, {"psnr", e.psnr}, {"ssim", e.ssim}}; }
+
+Json distance_json(const DistanceStatistics& d, const LevelMeasure& m) {
+  return {{"rms_percent", 100 * d.rms / m.diagonal},
+          {"max_percent", 100 * d.max / m.diagonal},
+          {"rms_texels", d.rms / m.texel},
+          {"max_texels", d.max / m.texel}};
+}
+
+Json fidelity_json(const LevelMeasure& m) {
+  const HitFidelity& all = m.views.all;
+  Json views = Json::array();
+  for (const HitFidelity& view : m.views.views)
+    views.push_back({{"pixels", view.pixels},
+                     {"holes", view.holes},
+                     {"leaks", view.leaks},
+                     {"walls", view.walls},
+                     {"mask_mismatch_percent", view.mismatch_percent()},
+                     {"dt_median", view.dt.median},
+                     {"dt_p99", view.dt.p99}});
+  return {{"level", m.level},
+          {"pixels", all.pixels},
+          {"holes", all.holes},
+          {"leaks", all.leaks},
+          {"walls", all.walls},
+          {"worst_view",
+           {{"holes", m.views.worst_holes}, {"leaks", m.views.worst_leaks}, {"walls", m.views.worst_walls}}},
+          {"mask_mismatch_percent", all.mismatch_percent()},
+          {"mismatch_at_silhouette_percent", all.silhouette_percent()},
+          {"dt", distribution_json(all.dt)},
+          {"normal_degrees", distribution_json(all.normal_degrees)},
+          {"image", image_json(m.image)},
+          {"image_control", image_json(m.control)},
+          {"level_to_scan", distance_json(m.to_scan, m)},
+          {"scan_to_level", distance_json(m.to_level, m)},
+          {"views", std::move(views)}};
 }
 
 Json measure(Context& context, const ValidateOptions& options, const Subject& pair) {
@@ -76,36 +109,61 @@ Json measure(Context& context, const ValidateOptions& options, const Subject& pa
   exact.content = std::move(scan);
   const std::vector<std::string> levels =
       choose_levels(pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
-
-  const Device device = Device::open(context.device);
-  const Caster exact_caster = make_caster(device, exact, "exact");
-  ViewsConfig config = options.views;
-  config.up_axis = exact.up_axis();
+  MeasureConfig config;
+  config.views = options.views;
+  config.images = config.distances = true;
+  config.pictures = options.pictures;
+  if (!config.pictures.empty()) make_folder(config.pictures);
   Json list = Json::array();
-  for (const std::string& level : levels) {
-    const Caster caster = make_caster(device, pair, level);
-    list.push_back(fidelity_json(
-        level, measure_views([&](const CameraRays& rays) { return cast_camera(exact_caster, rays); },
-                             [&](const CameraRays& rays) { return cast_camera(caster, rays); }, exact.bounds,
-                             config, context.progress.callback())));
-  }
+  const Device device = Device::open(context.device);
+  for (const LevelMeasure& m : measure_levels(context, device, pair, exact, levels, config))
+    list.push_back(fidelity_json(m));
   return list;
 }
 
+// A line for each figure, a column for each level.
 std::string fidelity_text(const Json& list) {
-  std::string text =
-      "level   worst view: holes leaks walls   mismatch (at silhouette)   |dt|/diagonal: median     p99   "
-      "p99.9"
-      "   normal: median    p95\n";
-  for (const Json& f : list)
-    text += fmt::format(
-        "{:<6} {:>18} {:>5} {:>5} {:>8.3g}% {:>12.3g}% {:>22.2e} {:>7.1e} {:>7.1e} {:>13.2f} deg {:>4.1f} "
-        "deg\n",
-        f["level"].get<std::string>(), f["worst_view"]["holes"].dump(), f["worst_view"]["leaks"].dump(),
-        f["worst_view"]["walls"].dump(), f["mask_mismatch_percent"].get<double>(),
-        f["mismatch_at_silhouette_percent"].get<double>(), f["dt"]["median"].get<double>(),
-        f["dt"]["p99"].get<double>(), f["dt"]["p99.9"].get<double>(),
-        f["normal_degrees"]["median"].get<double>(), f["normal_degrees"]["p95"].get<double>());
+  struct Row {
+    const char *name, *pointer, *format;
+  };
+  static const Row kRows[] = {
+      {"holes (worst view)", "/worst_view/holes", "{}"},
+      {"leaks (worst view)", "/worst_view/leaks", "{}"},
+      {"walls (worst view)", "/worst_view/walls", "{}"},
+      {"mask mismatch, % of pixels", "/mask_mismatch_percent", "{:.3f}"},
+      {"  of it at the silhouette, %", "/mismatch_at_silhouette_percent", "{:.1f}"},
+      {"|dt| / diagonal: median", "/dt/median", "{:.1e}"},
+      {"  p99", "/dt/p99", "{:.1e}"},
+      {"  p99.9", "/dt/p99.9", "{:.1e}"},
+      {"normal angle: median, degrees", "/normal_degrees/median", "{:.2f}"},
+      {"  p95", "/normal_degrees/p95", "{:.2f}"},
+      {"image RMSE", "/image/rmse", "{:.4f}"},
+      {"  of exact, half a pixel aside", "/image_control/rmse", "{:.4f}"},
+      {"image PSNR, dB", "/image/psnr", "{:.1f}"},
+      {"  control", "/image_control/psnr", "{:.1f}"},
+      {"image SSIM", "/image/ssim", "{:.4f}"},
+      {"  control", "/image_control/ssim", "{:.4f}"},
+      {"level to scan: rms, % of diagonal", "/level_to_scan/rms_percent", "{:.4f}"},
+      {"  max, % of diagonal", "/level_to_scan/max_percent", "{:.3f}"},
+      {"  max, texels", "/level_to_scan/max_texels", "{:.1f}"},
+      {"scan to level: rms, % of diagonal", "/scan_to_level/rms_percent", "{:.4f}"},
+      {"  max, % of diagonal", "/scan_to_level/max_percent", "{:.3f}"},
+      {"  max, texels", "/scan_to_level/max_texels", "{:.1f}"},
+  };
+  std::string text = fmt::format("{:<36}", "");
+  for (const Json& f : list) text += fmt::format("{:>10}", f["level"].get<std::string>());
+  text += "\n";
+  for (const Row& row : kRows) {
+    text += fmt::format("{:<36}", row.name);
+    for (const Json& f : list) {
+      const Json& value = f.at(Json::json_pointer(row.pointer));
+      const std::string shown = value.is_number_integer()
+                                    ? value.dump()
+                                    : fmt::format(fmt::runtime(row.format), value.get<double>());
+      text += fmt::format("{:>10}", shown);
+    }
+    text += "\n";
+  }
   return text;
 }
 
@@ -176,6 +234,11 @@ void add_validate(CLI::App& app, Context& context) {
   add_parsed(*stage, "--views", options->views.views, parse_positive, "N", "how many views (default: 8)");
   add_parsed(*stage, "--resolution", options->views.resolution, parse_side, "N",
              "pixels of a view, both ways (default: 1024)");
+  stage
+      ->add_option("--pictures", options->pictures,
+                   "a folder for pictures of the differences, <level>-<view>.png")
+      ->type_name("FOLDER");
+  stage->add_flag("-f,--force", context.force, "overwrite pictures that are there");
   stage->add_flag("--json", options->as_json, "as JSON");
 }
 

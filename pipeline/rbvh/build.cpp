@@ -130,30 +130,31 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
         leaves.push_back(n);
       }
     }
+    // Splits for a level's own faults are made on a copy, so that no level depends on another.
+    Partition own{.nodes = partition.nodes,
+                  .references = Buffer<std::uint32_t>(device, primitives.count),
+                  .cones = false};
+    own.references.copy_from(partition.references, primitives.count);
     while (!leaves.empty()) {
       RasterConfig raster{.rho = rule.rho};
       if (primitives.discs)
         raster.layer_gap = std::max(raster.layer_gap, 4 * primitives.mean_radius * std::sqrt(rule.rho));
-      std::vector<Tile> done = rasterize_tiles(primitives, partition, leaves, raster, texels);
+      const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
       lap(time.rasterize);
-      leaves.clear();
-      std::vector<std::uint32_t> to_split;
+      std::vector<SplitRequest> requests;
       for (const Tile& tile : done) {
-        const PartitionNode& node = partition.nodes[tile.node];
-        if (tile.is_faulty && node.count() > 1 && rule.rho * node.sums.area > kFaultFloorTexels) {
-          if (node.left < 0) to_split.push_back(tile.node);
-          leaves.push_back(tile.node);
-        } else {
+        const PartitionNode& node = own.nodes[tile.node];
+        if (tile.is_faulty && node.count() > 1 && rule.rho * node.sums.area > kFaultFloorTexels)
+          requests.push_back({tile.node, tile.has_back, tile.w});
+        else
           tiles.push_back(tile);
-        }
       }
-      split_nodes(partition, primitives, to_split, [](const PartitionNode&) { return false; });
-      std::vector<std::uint32_t> children;
-      for (const std::uint32_t n : leaves) {
-        children.push_back(static_cast<std::uint32_t>(partition.nodes[n].left));
-        children.push_back(static_cast<std::uint32_t>(partition.nodes[n].left) + 1);
+      split_once(own, primitives, requests);
+      leaves.clear();
+      for (const SplitRequest& request : requests) {
+        leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left));
+        leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left) + 1);
       }
-      leaves = std::move(children);
       lap(time.partition);
     }
     rbvh.levels.push_back(finish_level(config.levels[i], tiles, texels, primitives.has_colors));

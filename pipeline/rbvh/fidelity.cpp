@@ -57,6 +57,20 @@ float degrees_between(const float a[3], const float b[3]) {
   return static_cast<float>(std::atan2(length(cross(u, v)), dot(u, v)) * 180 / std::numbers::pi);
 }
 
+void add_view(ViewsFidelity& result, const HitFidelity& view) {
+  result.views.push_back(view);
+  HitFidelity& all = result.all;
+  all.pixels += view.pixels;
+  all.holes += view.holes;
+  all.leaks += view.leaks;
+  all.walls += view.walls;
+  all.mismatches += view.mismatches;
+  all.at_silhouette += view.at_silhouette;
+  result.worst_holes = std::max(result.worst_holes, view.holes);
+  result.worst_leaks = std::max(result.worst_leaks, view.leaks);
+  result.worst_walls = std::max(result.worst_walls, view.walls);
+}
+
 }  // namespace
 
 std::vector<PixelFault> find_faults(std::span<const Hit> exact, std::span<const Hit> level,
@@ -121,38 +135,33 @@ HitFidelity compare_hits(std::span<const Hit> exact, std::span<const Hit> level,
   return f;
 }
 
-ViewsFidelity measure_views(const CastView& exact, const CastView& level, const Bounds3f& bounds,
-                            const ViewsConfig& config, const Progress& progress,
-                            const std::function<void(const MeasuredView&)>& on_view) {
+std::vector<ViewsFidelity> measure_views(const CastView& exact, std::span<const CastView> levels,
+                                         const Bounds3f& bounds, const ViewsConfig& config,
+                                         const Progress& progress,
+                                         const std::function<void(const MeasuredView&)>& on_view) {
   const Bounds3d box{static_cast<Vec3d>(bounds.lo), static_cast<Vec3d>(bounds.hi)};
   const std::vector<Camera> cameras = views_around(box, config.up_axis, config.views, 1);
   const float diagonal = bounds.diagonal();
-  ViewsFidelity result;
-  HitDifferences pool;
-  for (int i = 0; i < config.views; ++i) {
-    report(progress, "compare views", static_cast<double>(i) / config.views);
-    const CameraRays rays =
-        camera_rays(cameras[static_cast<std::size_t>(i)], config.resolution, config.resolution);
-    const std::vector<Hit> exact_hits = exact(rays), level_hits = level(rays);
-    const HitFidelity view =
-        compare_hits(exact_hits, level_hits, config.resolution, config.resolution, diagonal, &pool);
-    if (on_view) on_view({i, rays, exact_hits, level_hits, view});
-    result.views.push_back(view);
-    HitFidelity& all = result.all;
-    all.pixels += view.pixels;
-    all.holes += view.holes;
-    all.leaks += view.leaks;
-    all.walls += view.walls;
-    all.mismatches += view.mismatches;
-    all.at_silhouette += view.at_silhouette;
-    result.worst_holes = std::max(result.worst_holes, view.holes);
-    result.worst_leaks = std::max(result.worst_leaks, view.leaks);
-    result.worst_walls = std::max(result.worst_walls, view.walls);
+  std::vector<ViewsFidelity> results(levels.size());
+  std::vector<HitDifferences> pools(levels.size());
+  for (int view = 0; view < config.views; ++view) {
+    report(progress, "compare views", static_cast<double>(view) / config.views);
+    const Camera& camera = cameras[static_cast<std::size_t>(view)];
+    const CameraRays rays = camera_rays(camera, config.resolution, config.resolution);
+    const std::vector<Hit> exact_hits = exact(rays);
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+      const std::vector<Hit> hits = levels[i](rays);
+      const HitFidelity f = compare_hits(exact_hits, hits, rays.width, rays.height, diagonal, &pools[i]);
+      if (on_view) on_view({i, view, camera, rays, exact_hits, hits, f});
+      add_view(results[i], f);
+    }
   }
-  result.all.dt = distribution(pool.dt);
-  result.all.normal_degrees = distribution(pool.degrees);
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    results[i].all.dt = distribution(pools[i].dt);
+    results[i].all.normal_degrees = distribution(pools[i].degrees);
+  }
   report(progress, "compare views", 1);
-  return result;
+  return results;
 }
 
 }  // namespace rbvh

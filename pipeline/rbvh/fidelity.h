@@ -69,11 +69,13 @@ struct ViewsConfig {
   Vec3d up_axis{0, 1, 0};
 };
 
-/// A view as measure_views() hands it on, for pictures.
+/// A view of one level as measure_views() hands it on, for pictures.
 struct MeasuredView {
-  int index;
+  std::size_t level;
+  int view;
+  const Camera& camera;
   const CameraRays& rays;
-  std::span<const Hit> exact, level;
+  std::span<const Hit> exact, hits;
   const HitFidelity& fidelity;
 };
 
@@ -83,10 +85,11 @@ struct ViewsFidelity {
   std::uint64_t worst_holes = 0, worst_leaks = 0, worst_walls = 0;  ///< of one view
 };
 
-/// Compares views around `bounds`, which also gives the diagonal. `on_view`, where given, sees each view's
-/// hits.
-ViewsFidelity measure_views(const CastView& exact, const CastView& level, const Bounds3f& bounds,
-                            const ViewsConfig& config, const Progress& progress = {},
-                            const std::function<void(const MeasuredView&)>& on_view = {});
+/// Compares views of one or more levels around `bounds`, which also gives the diagonal: one result per level.
+/// `on_view`, where given, sees the hits.
+std::vector<ViewsFidelity> measure_views(const CastView& exact, std::span<const CastView> levels,
+                                         const Bounds3f& bounds, const ViewsConfig& config,
+                                         const Progress& progress = {},
+                                         const std::function<void(const MeasuredView&)>& on_view = {});
 
 }  // namespace rbvh

@@ -15,11 +15,11 @@ namespace {
 constexpr std::size_t kRows = 8;
 
 // The look. Colours are linear light.
-constexpr Vec3f kClay{0.62f, 0.58f, 0.53f};
-constexpr Vec3f kBackTint{0.62f, 0.66f, 0.74f};  // the inside of a surface is darker and cooler
-constexpr Vec3f kKey{0.80f, 0.77f, 0.72f}, kSky{0.42f, 0.47f, 0.55f}, kGround{0.13f, 0.115f, 0.10f};
-constexpr float kFill = 0.16f, kRim = 0.10f, kGloss = 0.05f, kGlossExponent = 24;
-constexpr float kValley = 0.30f, kRidge = 0.12f;
+constexpr Vec3f kClay{0.50f, 0.455f, 0.41f};
+constexpr Vec3f kBackTint{0.55f, 0.60f, 0.70f};  // the inside of a surface is darker and cooler
+constexpr Vec3f kKey{0.92f, 0.88f, 0.82f}, kSky{0.34f, 0.39f, 0.47f}, kGround{0.08f, 0.07f, 0.06f};
+constexpr float kFill = 0.10f, kRim = 0.16f, kGloss = 0.06f, kGlossExponent = 24;
+constexpr float kValley = 0.45f, kRidge = 0.25f;
 
 constexpr float kPixelsAtWhichReliefIsSought[] = {1, 2.5f, 6};  // for 1024 rows
 

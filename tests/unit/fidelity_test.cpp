@@ -124,7 +124,11 @@ TEST(Fidelity, ViewsArePooledAndTheWorstIsKept) {
   ViewsConfig config;
   config.views = 3;
   config.resolution = 16;
-  const ViewsFidelity f = measure_views(exact, level, {{0, 0, 0}, {1, 1, 1}}, config);
+  const std::vector<ViewsFidelity> both =
+      measure_views(exact, std::vector<CastView>{level, exact}, {{0, 0, 0}, {1, 1, 1}}, config);
+  ASSERT_EQ(both.size(), 2u);
+  EXPECT_EQ(both[1].all.mismatches, 0u);
+  const ViewsFidelity& f = both[0];
   ASSERT_EQ(f.views.size(), 3u);
   EXPECT_EQ(f.views[1].holes, 2u);
   EXPECT_EQ(f.worst_holes, 3u);

@@ -1,0 +1,40 @@
+// Measures a pair's levels against the exact scan: what `validate --against` prints and `build --measure`
+// stores.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/subject.h"
+#include "pipeline/rbvh/fidelity.h"
+#include "pipeline/rbvh/surface_distance.h"
+#include "pipeline/render/image_error.h"
+
+namespace rbvh {
+
+struct MeasureConfig {
+  ViewsConfig views;
+  bool images = false;     ///< also how different the shaded pictures are
+  bool distances = false;  ///< also the distance between the surfaces
+  std::string pictures;    ///< a folder for difference pictures <level>-<view>.png; empty: none
+};
+
+struct LevelMeasure {
+  std::string level;
+  ViewsFidelity views;
+  ImageError image;                      ///< mean over the views
+  ImageError control;                    ///< the same between two exact pictures, one half a pixel aside
+  DistanceStatistics to_scan, to_level;  ///< from points on the level, from points on the scan; scan units
+  double diagonal = 0;                   ///< of the scan, scan units
+  double texel = 0;                      ///< mean side, scan units
+};
+
+/// `levels` as of choose_levels(pair). Both subjects are in the same coordinates.
+std::vector<LevelMeasure> measure_levels(Context& context, const Device& device, const Subject& pair,
+                                         const Subject& exact, const std::vector<std::string>& levels,
+                                         const MeasureConfig& config);
+
+/// What a pair's file keeps of it.
+LevelFidelity stored_fidelity(const ViewsFidelity& views);
+
+}  // namespace rbvh

@@ -1,0 +1,48 @@
+// The distance between two surfaces, both ways, by sampling (Cignoni, Rocchini, Scopigno, "Metro: measuring
+// error on simplified surfaces", 1998).
+#pragma once
+
+#include <vector>
+
+#include "pipeline/base/progress.h"
+#include "pipeline/rbvh/rbvh.h"
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+/// Corners of triangles, three after three.
+using TriangleSoup = std::vector<Vec3f>;
+
+/// A mesh's finite triangles, or a cloud's discs as octagons.
+TriangleSoup surface_of(const Scan& scan);
+/// What the tracer sees of a level: the texel quads of its tiles whose four corners have a surface without a
+/// step between them, as two triangles each, as far as their middle lies in the leaf's box.
+TriangleSoup surface_of(const Level& level);
+
+/// Answers "how far is the nearest point of the surface".
+class ClosestPoint {
+ public:
+  explicit ClosestPoint(TriangleSoup triangles);
+  /// +infinity for an empty surface.
+  float distance(Vec3f point) const;
+
+ private:
+  struct Node {
+    Bounds3f box;
+    std::uint32_t first = 0, count = 0;  ///< count 0: children at first and first + 1
+  };
+  TriangleSoup triangles_;
+  std::vector<Node> nodes_;
+};
+
+struct DistanceStatistics {
+  double rms = 0, max = 0;  ///< scan units
+};
+
+/// From points spread evenly over `from` (by area, the same ones every time) to the surface `to`.
+DistanceStatistics sampled_distance(const TriangleSoup& from, const ClosestPoint& to, std::size_t samples);
+
+/// The level's mean texel side in scan units.
+double texel_side(const Level& level);
+
+}  // namespace rbvh

@@ -1,0 +1,19 @@
+// How different two pictures look: RMSE, PSNR and SSIM (Wang, Bovik, Sheikh, Simoncelli, "Image quality
+// assessment: from error visibility to structural similarity", 2004).
+#pragma once
+
+#include "pipeline/render/image.h"
+
+namespace rbvh {
+
+struct ImageError {
+  double rmse = 0;  ///< of the sRGB values in [0, 1]
+  double psnr = 0;  ///< decibels; +infinity for equal pictures
+  double ssim = 1;  ///< of the grey values, Gaussian windows of 11 pixels
+};
+
+/// Both R G B A of kind kColor and one size, laid over mid grey. Means are over the pixels that either
+/// picture covers; two empty pictures are equal.
+ImageError compare_images(const Image& a, const Image& b);
+
+}  // namespace rbvh
