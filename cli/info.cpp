@@ -25,6 +25,9 @@ std::string printable(std::string text) {
 
 std::string hex(std::uint64_t hash) { return fmt::format("{:016x}", hash); }
 
+// The shortest decimal that is this float: 0.85, not 0.8500000238418579.
+Json float_json(float value) { return Json::parse(fmt::format("{}", value), nullptr, false); }
+
 template <class T>
 Json vec_json(const Vec3<T>& v) {
   return {v.x, v.y, v.z};
@@ -53,9 +56,9 @@ std::uint64_t primitives_of(const RbvhSource& source) {
 
 Json level_json(const Level& level, std::uint64_t primitives) {
   Json json = {{"name", level.name},
-               {"rho", level.rho},
-               {"alpha", level.alpha},
-               {"phi_degrees", level.phi_degrees},
+               {"rho", float_json(level.rho)},
+               {"alpha", float_json(level.alpha)},
+               {"phi_degrees", float_json(level.phi_degrees)},
                {"nodes", level.nodes.size()},
                {"leaves", level.leaves.size()},
                {"atlas", {level.atlas_width, level.atlas_height}},
@@ -70,9 +73,9 @@ Json level_json(const Level& level, std::uint64_t primitives) {
   for (const Layer& layer : level.layers)
     json["layers"].push_back({{"name", layer.name}, {"channels", layer.channels}});
   if (const LevelFidelity& f = level.fidelity; f.measured)
-    json["fidelity"] = {{"mask_mismatch_percent", f.mask_mismatch_percent},
-                        {"median_dt", f.median_dt},
-                        {"p99_dt", f.p99_dt},
+    json["fidelity"] = {{"mask_mismatch_percent", float_json(f.mask_mismatch_percent)},
+                        {"median_dt", float_json(f.median_dt)},
+                        {"p99_dt", float_json(f.p99_dt)},
                         {"holes", f.holes},
                         {"leaks", f.leaks},
                         {"walls", f.walls}};
@@ -127,7 +130,8 @@ std::string pair_text(const Json& json) {
     const auto width = level["atlas"][0].get<std::uint64_t>(),
                height = level["atlas"][1].get<std::uint64_t>();
     std::string layers;
-    for (const Json& layer : level["layers"]) layers += (layers.empty() ? "" : " ") + string(layer["name"]);
+    for (const Json& layer : level["layers"])
+      layers.append(layers.empty() ? "" : " ").append(string(layer["name"]));
     const Json& each = level["bytes_per_primitive"];
     text += fmt::format(
         "{:<6} {:>8.6g}  {:>5.3g}  {:>3.3g} {:>8} {:>8} {:>12}  {:>3.0f}% {:>10} {:>14}  {}\n",

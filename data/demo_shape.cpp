@@ -204,13 +204,18 @@ DemoShape::Part DemoShape::plinth(Vec3f p) {
   const float around = rounded_box(reach, y + 0.24f, lower_radius, 0.24f, 0);
   if (around > kReliefReach) return {around, 0, 0};
   const float angle = std::atan2(p.z, p.x - x);
-  const float arc =
-      std::abs(p.x) < half_length ? (p.z > 0 ? half_length - p.x : p.x + 3 * half_length + kPi * upper_radius)
-      : p.x > 0                   ? (p.z > 0 ? upper_radius * angle - upper_radius * kPi / 2
-                                             : upper_radius * angle - upper_radius * kPi / 2)
-                : 2 * half_length + upper_radius * (angle > 0 ? angle - kPi / 2 : angle + 1.5f * kPi);
+  // Along the upper wall: the front from right to left, the left end, the back, the right end.
+  const float straight = 2 * half_length, bend = kPi * upper_radius;
+  float arc = straight + bend + half_length + p.x;
+  if (p.x > half_length)
+    arc = 2 * straight + bend + upper_radius * (angle + kPi / 2);
+  else if (p.x < -half_length)
+    arc = straight + upper_radius * (angle > 0 ? angle - kPi / 2 : angle + 1.5f * kPi);
+  else if (p.z > 0)
+    arc = half_length - p.x;
+  const float glyph_width = (2 * straight + 2 * bend) / 35;
   float upper = rounded_box(reach, y + 0.17f, upper_radius, 0.17f, 0.03f);
-  const float frieze = glyph_band(arc / 0.21f, (y + 0.17f) / 0.085f, 3u) *
+  const float frieze = glyph_band(arc / glyph_width, (y + 0.17f) / 0.085f, 3u) *
                        smoothstep(upper_radius - 0.08f, upper_radius - 0.04f, reach);
   const float lines = groove(std::abs(y + 0.17f) - 0.125f, 0.016f) *
                       smoothstep(upper_radius - 0.08f, upper_radius - 0.04f, reach);

@@ -58,10 +58,10 @@ Grid blocks_near(const std::vector<RangeImage>& images, float cell) {
       const auto width = static_cast<std::size_t>(image.width);
       for (std::size_t pixel = 0; pixel < image.ranges.size(); ++pixel) {
         if (image.ranges[pixel] == 0) continue;
-        const Vec3f direction =
-            image.direction(static_cast<float>(pixel % width), static_cast<float>(pixel / width));
+        const std::size_t row = pixel / width, column = pixel % width;
+        const Vec3f direction = image.direction(static_cast<float>(column), static_cast<float>(row));
         const Vec3f p = (image.eye + direction * image.ranges[pixel]) * (1 / cell);
-        const auto block = [](float v) { return static_cast<int>(std::floor(v / kBlock)); };
+        const auto block = [](float v) { return static_cast<int>(std::floor(v * (1.0f / kBlock))); };
         for (int z = block(p.z - kBand); z <= block(p.z + kBand); ++z)
           for (int y = block(p.y - kBand); y <= block(p.y + kBand); ++y)
             for (int x = block(p.x - kBand); x <= block(p.x + kBand); ++x) {

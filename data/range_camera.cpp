@@ -66,6 +66,7 @@ std::vector<Vec3f> tripod_places(const DemoShape& shape) {
   ring(8, 6, 10);
   ring(7, 33, 30);
   ring(4, 62, 5);
+  ring(5, -24, 0);
   return places;
 }
 

@@ -32,7 +32,7 @@ struct RangeImage {
   }
 };
 
-/// Where the tripod stands: rings at eye level, higher and from above; never from below.
+/// Where the tripod stands: rings at eye level, above and a little below; never under the plinth.
 std::vector<Vec3f> tripod_places(const DemoShape& shape);
 
 /// Same images for the same config, however many threads.

@@ -258,7 +258,7 @@ OutputFile::~OutputFile() {
 }
 
 void OutputFile::write(std::span<const std::byte> bytes) {
-  Descriptor file{::open(temporary_.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)};
+  Descriptor file{::open(temporary_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC)};
   if (file.fd < 0) fail(path_, "cannot be written", errno);
   if (const int error = write_fully(file.fd, reinterpret_cast<const char*>(bytes.data()), bytes.size()))
     fail(path_, "cannot be written", error);

@@ -22,7 +22,7 @@ class OutputFile {
 
   const std::string& path() const { return path_; }
   const std::string& temporary_path() const { return temporary_; }
-  /// Writes the whole content of the temporary file. Throws Error(kFailure).
+  /// Appends to the temporary file. Throws Error(kFailure).
   void write(std::span<const std::byte> bytes);
   void write(std::string_view text);
   /// fsync and rename. Throws Error(kFailure).

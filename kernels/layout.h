@@ -89,14 +89,18 @@ typedef struct Run {
 } Run;
 RBVH_LAYOUT_SIZE(Run, 12);
 
-// Where a node is cut in two: primitives whose box centre lies below the plane go left. Axis 3: references below
-// `middle` do, whatever their place.
-typedef struct SplitPlane {
-  rbvh_i32 axis;
+// Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
+// RBVH_SPLIT_FACING: those whose normal has a part along `direction`; RBVH_SPLIT_COUNT: the first half of them.
+#define RBVH_SPLIT_PLANE 0u
+#define RBVH_SPLIT_FACING 1u
+#define RBVH_SPLIT_COUNT 2u
+typedef struct Split {
+  rbvh_u32 kind;
+  float direction[3];  // RBVH_SPLIT_PLANE: the unit vector of an axis
   float position;
-  rbvh_u32 middle;
-} SplitPlane;
-RBVH_LAYOUT_SIZE(SplitPlane, 12);
+  rbvh_u32 middle;  // RBVH_SPLIT_COUNT: the first reference of the right child
+} Split;
+RBVH_LAYOUT_SIZE(Split, 24);
 
 // Sums over some primitives; `count` of them.
 typedef struct PrimitiveSums {

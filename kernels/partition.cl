@@ -53,20 +53,22 @@ __kernel void partition_reduce(__global const Run* runs, uint run_count, __globa
 }
 
 // Chooses each reference's side and sums the two children over this run: sums[2r] left, sums[2r + 1] right.
-__kernel void partition_choose(__global const Run* runs, uint run_count, __global const SplitPlane* planes,
+__kernel void partition_choose(__global const Run* runs, uint run_count, __global const Split* splits,
                                __global const uint* references, __global const float4* box_lo,
                                __global const float4* box_hi, __global const float4* area_normal,
                                __global uchar* sides, __global PrimitiveSums* sums) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint begin = runs[r].begin, end = runs[r].end;
-  const SplitPlane plane = planes[runs[r].owner];
-  const float4 pick = (float4)(plane.axis == 0, plane.axis == 1, plane.axis == 2, 0.0f);
+  const Split split = splits[runs[r].owner];
+  const float4 direction = (float4)(vload3(0, split.direction), 0.0f);
   Sums left = no_sums(), right = no_sums();
   for (uint i = begin; i < end; ++i) {
     const uint j = references[i];
     const float4 lo = box_lo[j], hi = box_hi[j], n = area_normal[j];
-    const bool is_left = plane.axis == 3 ? i < plane.middle : 0.5f * dot(lo + hi, pick) < plane.position;
+    const bool is_left = split.kind == RBVH_SPLIT_PLANE    ? 0.5f * dot(lo + hi, direction) < split.position
+                         : split.kind == RBVH_SPLIT_FACING ? dot(n, direction) >= 0.0f
+                                                           : i < split.middle;
     sides[i] = is_left ? 0 : 1;
     if (is_left)
       sums_add(&left, lo, hi, n);
@@ -94,4 +96,23 @@ __kernel void partition_copy(__global const Run* runs, uint run_count, __global 
   if (r >= run_count) return;
   const uint end = runs[r].end;
   for (uint i = runs[r].begin; i < end; ++i) to[i] = from[i];
+}
+
+// The cone of normals (second pass over the primitives): per run, the smallest cosine between a primitive's normal
+// and its node's mean normal. Primitives without area have no say.
+__kernel void partition_cones(__global const Run* runs, uint run_count, __global const float4* axes,
+                              __global const uint* references, __global const float4* area_normal,
+                              __global float* cosines) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  const float4 axis = axes[runs[r].owner];
+  float least = 1.0f;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    float4 n = area_normal[references[i]];
+    n.w = 0.0f;
+    const float size = length(n);
+    if (size > 0.0f) least = min(least, dot(n, axis) / size);
+  }
+  cosines[r] = least;
 }

@@ -157,7 +157,7 @@ typedef struct {
   float2 lean;
   float radius;    // texels
   float w_texels;  // fine quanta to texels
-  int flat;
+  int flat, is_back;
 } TileDisc;
 
 inline TileDisc make_disc(__global const RasterTile* tile, __global const float* s) {
@@ -172,6 +172,7 @@ inline TileDisc make_disc(__global const RasterTile* tile, __global const float*
   d.w_texels = 1.0f / tile->texel_w;
   // A step of one texel is ru / |ru|^2, one fine quantum rw / |rw|^2.
   const float nw = dot(n, rw) / dot(rw, rw);
+  d.is_back = nw < 0.0f;
   d.flat = fabs(nw) * length(rw) < 0.1f;  // steeper than 84 degrees
   d.lean = d.flat ? (float2)(0.0f) : (float2)(dot(n, ru) / dot(ru, ru), dot(n, rv) / dot(rv, rv)) / nw;
   return d;
@@ -195,7 +196,8 @@ inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
 inline uint fine(float w) { return (uint)clamp(w, 0.0f, RBVH_FINE_MAX); }
 
 // keys: the winner. lowest, highest: what covers the texel's centre, to see two layers; kept as
-// RBVH_FINE_MAX - w and w, each plus one, 0: nothing.
+// RBVH_FINE_MAX - w and w, each plus one, 0: nothing. backs: per tile, how often a texel's centre is covered by
+// what faces away.
 inline void put(__global uint* keys, __global uint* lowest, __global uint* highest, uint at, Sample q, float reach,
                 int covers) {
   atomic_max(keys + at, make_key(q.distance, reach, q.w));
@@ -207,11 +209,13 @@ inline void put(__global uint* keys, __global uint* lowest, __global uint* highe
 
 __kernel void rasterize_triangles(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
                                   __global const uint* references, __global const float* shape, float reach,
-                                  __global uint* keys, __global uint* lowest, __global uint* highest) {
+                                  __global uint* keys, __global uint* lowest, __global uint* highest,
+                                  __global uint* backs) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
+  uint back = 0;
   for (uint i = runs[r].begin; i < end; ++i) {
     __global const float* s = shape + 9 * (size_t)references[i];
     const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
@@ -222,17 +226,21 @@ __kernel void rasterize_triangles(__global const Run* runs, uint run_count, __gl
       const Sample q = sample_triangle(&t, (float2)((float)x, (float)y), reach);
       if (q.distance < 0.0f) continue;
       put(keys, lowest, highest, tile->offset + (uint)y * tile->width + (uint)x, q, reach, q.distance == 0.0f);
+      back += q.distance == 0.0f && t.sign < 0.0f;
     }
   }
+  if (back != 0) atomic_add(backs + runs[r].owner, back);
 }
 
 __kernel void rasterize_discs(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
                               __global const uint* references, __global const float* shape, float reach,
-                              __global uint* keys, __global uint* lowest, __global uint* highest) {
+                              __global uint* keys, __global uint* lowest, __global uint* highest,
+                                  __global uint* backs) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
+  uint back = 0;
   for (uint i = runs[r].begin; i < end; ++i) {
     const TileDisc d = make_disc(tile, shape + 9 * (size_t)references[i]);
     FOR_EACH_TEXEL(tile, d.center - d.radius, d.center + d.radius, reach) {
@@ -240,8 +248,10 @@ __kernel void rasterize_discs(__global const Run* runs, uint run_count, __global
       if (q.distance < 0.0f) continue;
       put(keys, lowest, highest, tile->offset + (uint)y * tile->width + (uint)x, q, reach,
           !d.flat && q.distance <= reach);
+      back += !d.flat && q.distance <= reach && d.is_back;
     }
   }
+  if (back != 0) atomic_add(backs + runs[r].owner, back);
 }
 
 // --- signals on the surface -----------------------------------------------------------------------------------------

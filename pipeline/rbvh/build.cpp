@@ -31,11 +31,13 @@ struct LevelRule {
   float rho = 0;  ///< per scan unit squared
   float alpha = 0;
   float largest_tile = 0;
+  float cone_cosine = -2;  ///< least; -2: the projected area decides
 
   bool wants_split(const PartitionNode& node) const {
     const float texels = rho * node.sums.area;
     if (tile_resolution(node, rho) > largest_tile) return true;
     if (node.count() <= kFloorPrimitives || texels <= kFloorTexels) return false;
+    if (cone_cosine > -2) return node.cone_cosine < cone_cosine;
     return node.projected_area() < alpha * node.sums.area;
   }
 };
@@ -90,14 +92,16 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   };
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
-  Partition partition = make_root(primitives);
+  const bool cones = config.refinement == Refinement::kConeOfNormals;
+  Partition partition = make_root(primitives, cones);
   const float area = partition.nodes[0].sums.area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
   lap(time.upload);
 
   std::vector<LevelRule> rules;
   for (const LevelConfig& level : config.levels)
-    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho)});
+    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho),
+                     cones ? std::cos(level.phi_degrees * std::numbers::pi_v<float> / 180) : -2.0f});
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& r) { return r.wants_split(node); });
   };
@@ -126,30 +130,31 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
         leaves.push_back(n);
       }
     }
+    // Splits for a level's own faults are made on a copy, so that no level depends on another.
+    Partition own{.nodes = partition.nodes,
+                  .references = Buffer<std::uint32_t>(device, primitives.count),
+                  .cones = false};
+    own.references.copy_from(partition.references, primitives.count);
     while (!leaves.empty()) {
       RasterConfig raster{.rho = rule.rho};
       if (primitives.discs)
         raster.layer_gap = std::max(raster.layer_gap, 4 * primitives.mean_radius * std::sqrt(rule.rho));
-      std::vector<Tile> done = rasterize_tiles(primitives, partition, leaves, raster, texels);
+      const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
       lap(time.rasterize);
-      leaves.clear();
-      std::vector<std::uint32_t> to_split;
+      std::vector<SplitRequest> requests;
       for (const Tile& tile : done) {
-        const PartitionNode& node = partition.nodes[tile.node];
-        if (tile.is_faulty && node.count() > 1 && rule.rho * node.sums.area > kFaultFloorTexels) {
-          if (node.left < 0) to_split.push_back(tile.node);
-          leaves.push_back(tile.node);
-        } else {
+        const PartitionNode& node = own.nodes[tile.node];
+        if (tile.is_faulty && node.count() > 1 && rule.rho * node.sums.area > kFaultFloorTexels)
+          requests.push_back({tile.node, tile.has_back, tile.w});
+        else
           tiles.push_back(tile);
-        }
       }
-      split_nodes(partition, primitives, to_split, [](const PartitionNode&) { return false; });
-      std::vector<std::uint32_t> children;
-      for (const std::uint32_t n : leaves) {
-        children.push_back(static_cast<std::uint32_t>(partition.nodes[n].left));
-        children.push_back(static_cast<std::uint32_t>(partition.nodes[n].left) + 1);
+      split_once(own, primitives, requests);
+      leaves.clear();
+      for (const SplitRequest& request : requests) {
+        leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left));
+        leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left) + 1);
       }
-      leaves = std::move(children);
       lap(time.partition);
     }
     rbvh.levels.push_back(finish_level(config.levels[i], tiles, texels, primitives.has_colors));

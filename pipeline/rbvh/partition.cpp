@@ -24,11 +24,40 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
   to.count += from.count;
 }
 
-SplitPlane spatial_median(const PartitionNode& node) {
+Split spatial_median(const PartitionNode& node) {
   const Bounds3f b = node.bounds();
   const Vec3f e = b.extent();
   const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
-  return {axis, b.center()[axis], node.begin + node.count() / 2};
+  Split split{.kind = RBVH_SPLIT_PLANE,
+              .direction = {0, 0, 0},
+              .position = b.center()[axis],
+              .middle = node.begin + node.count() / 2};
+  split.direction[axis] = 1;
+  return split;
+}
+
+/// The cone around the mean normal ([SAE93] approximated, as the paper has it) of nodes[first..].
+void measure_cones(Partition& partition, const Primitives& primitives, std::size_t first) {
+  const Device& device = primitives.device;
+  std::vector<Run> runs;
+  std::vector<Float4> axes;
+  for (std::size_t n = first; n < partition.nodes.size(); ++n) {
+    const PartitionNode& node = partition.nodes[n];
+    append_runs(runs, static_cast<std::uint32_t>(n - first), node.begin, node.end, kRunLength);
+    const float* sum = node.sums.area_normal;
+    const Vec3f axis = normalized(Vec3f{sum[0], sum[1], sum[2]});
+    axes.push_back({axis.x, axis.y, axis.z, 0});
+  }
+  const Buffer<float> device_cosines(device, runs.size());
+  device.kernel("partition", "partition_cones")
+      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
+           static_cast<std::uint32_t>(runs.size()), Buffer<Float4>(device, axes), partition.references,
+           primitives.area_normal, device_cosines);
+  const std::vector<float> cosines = device_cosines.read();
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    float& least = partition.nodes[first + runs[r].owner].cone_cosine;
+    least = std::min(least, cosines[r]);
+  }
 }
 
 }  // namespace
@@ -39,11 +68,11 @@ void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begi
     runs.push_back({owner, at, at + std::min(run_length, end - at)});
 }
 
-Partition make_root(const Primitives& primitives) {
+Partition make_root(const Primitives& primitives, bool cones) {
   const Device& device = primitives.device;
   std::vector<std::uint32_t> identity(primitives.count);
   std::iota(identity.begin(), identity.end(), 0u);
-  Partition partition{.nodes = {}, .references = Buffer<std::uint32_t>(device, identity)};
+  Partition partition{.nodes = {}, .references = Buffer<std::uint32_t>(device, identity), .cones = cones};
   std::vector<Run> runs;
   append_runs(runs, 0, 0, primitives.count, kRunLength);
   const Buffer<PrimitiveSums> sums(device, runs.size());
@@ -51,100 +80,122 @@ Partition make_root(const Primitives& primitives) {
       .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
            static_cast<std::uint32_t>(runs.size()), partition.references, primitives.box_lo,
            primitives.box_hi, primitives.area_normal, sums);
-  PartitionNode root{.sums = {}, .begin = 0, .end = primitives.count, .left = -1};
+  PartitionNode root;
+  root.end = primitives.count;
   for (const PrimitiveSums& s : sums.read()) add(root.sums, s);
   partition.nodes.push_back(root);
+  if (cones) measure_cones(partition, primitives, 0);
   return partition;
 }
 
-void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
-                 const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress) {
+namespace {
+
+/// One level of the breadth-first construction: splits `active` as `splits` say; new nodes are appended.
+void split_level(Partition& partition, const Primitives& primitives, const std::vector<std::uint32_t>& active,
+                 std::vector<Split> splits) {
   const Device& device = primitives.device;
   const std::size_t group = job_group_size(device);
-  const Kernel choose = device.kernel("partition", "partition_choose");
-  const Kernel scatter = device.kernel("partition", "partition_scatter");
-  const Kernel copy = device.kernel("partition", "partition_copy");
-  const Buffer<std::uint8_t> sides(device, primitives.count);
-  const Buffer<std::uint32_t> moved(device, primitives.count);
   std::vector<PartitionNode>& nodes = partition.nodes;
-  std::erase_if(active, [&](std::uint32_t n) { return nodes[n].count() < 2; });
+  std::vector<Run> runs;
+  for (std::uint32_t k = 0; k < active.size(); ++k)
+    append_runs(runs, k, nodes[active[k]].begin, nodes[active[k]].end, kRunLength);
+  const auto run_count = static_cast<std::uint32_t>(runs.size());
+  const Buffer<Run> device_runs(device, runs);
+  const Buffer<std::uint8_t> sides(device, primitives.count);
 
-  while (!active.empty()) {
-    std::vector<Run> runs;
-    std::vector<SplitPlane> planes(active.size());
-    for (std::uint32_t k = 0; k < active.size(); ++k) {
-      const PartitionNode& node = nodes[active[k]];
-      RBVH_CHECK(node.left < 0);
-      planes[k] = spatial_median(node);
-      append_runs(runs, k, node.begin, node.end, kRunLength);
-    }
-    const auto run_count = static_cast<std::uint32_t>(runs.size());
-    const Buffer<Run> device_runs(device, runs);
-    const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
-    std::vector<PrimitiveSums> sums(2 * runs.size());
-    const auto choose_sides = [&] {
-      choose.run(runs.size(), group, device_runs, run_count, Buffer<SplitPlane>(device, planes),
-                 partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal, sides,
-                 device_sums);
-      device_sums.read(sums);
-    };
-    std::vector<PrimitiveSums> children(2 * active.size());
-    const auto sum_children = [&] {
-      children.assign(children.size(), {});
-      for (std::size_t r = 0; r < runs.size(); ++r) {
-        add(children[2 * runs[r].owner], sums[2 * r]);
-        add(children[2 * runs[r].owner + 1], sums[2 * r + 1]);
-      }
-    };
-    choose_sides();
-    sum_children();
-    // Where all centres lie on one side of the plane, half of the references go each way.
-    bool any_stuck = false;
-    for (std::size_t k = 0; k < active.size(); ++k)
-      if (children[2 * k].count == 0 || children[2 * k + 1].count == 0) {
-        planes[k].axis = 3;
-        any_stuck = true;
-      }
-    if (any_stuck) {
-      choose_sides();
-      sum_children();
-    }
-
-    std::vector<std::uint32_t> targets(2 * runs.size());
-    std::uint32_t at[2] = {0, 0};
+  // Where a split leaves one side empty the next kind is tried; a split by count always works.
+  std::vector<PrimitiveSums> sums, children;
+  const Kernel choose = device.kernel("partition", "partition_choose");
+  const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
+  for (bool stuck = true; stuck;) {
+    choose.run(runs.size(), group, device_runs, run_count, Buffer<Split>(device, splits),
+               partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal, sides,
+               device_sums);
+    sums = device_sums.read();
+    children.assign(2 * active.size(), {});
     for (std::size_t r = 0; r < runs.size(); ++r) {
-      const PartitionNode& node = nodes[active[runs[r].owner]];
-      if (runs[r].begin == node.begin) {
-        at[0] = node.begin;
-        at[1] = node.begin + children[2 * runs[r].owner].count;
-      }
-      for (std::uint32_t side = 0; side < 2; ++side) {
-        targets[2 * r + side] = at[side];
-        at[side] += sums[2 * r + side].count;
-      }
+      add(children[2 * runs[r].owner], sums[2 * r]);
+      add(children[2 * runs[r].owner + 1], sums[2 * r + 1]);
     }
-    scatter.run(runs.size(), group, device_runs, run_count, Buffer<std::uint32_t>(device, targets),
-                partition.references, sides, moved);
-    copy.run(runs.size(), group, device_runs, run_count, moved, partition.references);
-
-    std::vector<std::uint32_t> next;
+    stuck = false;
     for (std::size_t k = 0; k < active.size(); ++k) {
-      const auto left = static_cast<std::uint32_t>(nodes.size());
-      PartitionNode& node = nodes[active[k]];
-      node.left = static_cast<std::int32_t>(left);
-      const std::uint32_t begin = node.begin, end = node.end, middle = begin + children[2 * k].count;
-      nodes.push_back({children[2 * k], begin, middle, -1});
-      nodes.push_back({children[2 * k + 1], middle, end, -1});
-      for (std::uint32_t child = left; child < left + 2; ++child)
-        if (nodes[child].count() >= 2 && wants_split(nodes[child])) next.push_back(child);
+      if (children[2 * k].count != 0 && children[2 * k + 1].count != 0) continue;
+      stuck = true;
+      if (splits[k].kind == RBVH_SPLIT_FACING)
+        splits[k] = spatial_median(nodes[active[k]]);
+      else
+        splits[k].kind = RBVH_SPLIT_COUNT;
     }
-    active = std::move(next);
-    std::size_t left_to_do = 0;
-    for (const std::uint32_t n : active) left_to_do += nodes[n].count();
-    report(progress, "partition",
-           1.0 - static_cast<double>(left_to_do) / static_cast<double>(std::max(1u, primitives.count)));
   }
+
+  std::vector<std::uint32_t> targets(2 * runs.size());
+  std::uint32_t at[2] = {0, 0};
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const PartitionNode& node = nodes[active[runs[r].owner]];
+    if (runs[r].begin == node.begin) {
+      at[0] = node.begin;
+      at[1] = node.begin + children[2 * runs[r].owner].count;
+    }
+    for (std::uint32_t side = 0; side < 2; ++side) {
+      targets[2 * r + side] = at[side];
+      at[side] += sums[2 * r + side].count;
+    }
+  }
+  const Buffer<std::uint32_t> moved(device, primitives.count);
+  device.kernel("partition", "partition_scatter")
+      .run(runs.size(), group, device_runs, run_count, Buffer<std::uint32_t>(device, targets),
+           partition.references, sides, moved);
+  device.kernel("partition", "partition_copy")
+      .run(runs.size(), group, device_runs, run_count, moved, partition.references);
+
+  const std::size_t first_child = nodes.size();
+  for (std::size_t k = 0; k < active.size(); ++k) {
+    PartitionNode& node = nodes[active[k]];
+    node.left = static_cast<std::int32_t>(first_child + 2 * k);
+    const std::uint32_t begin = node.begin, end = node.end, middle = begin + children[2 * k].count;
+    nodes.push_back({.sums = children[2 * k], .begin = begin, .end = middle});
+    nodes.push_back({.sums = children[2 * k + 1], .begin = middle, .end = end});
+  }
+  if (partition.cones) measure_cones(partition, primitives, first_child);
   device.finish();
+}
+
+}  // namespace
+
+void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
+                 const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress) {
+  const std::vector<PartitionNode>& nodes = partition.nodes;
+  std::erase_if(active, [&](std::uint32_t n) { return nodes[n].count() < 2; });
+  while (!active.empty()) {
+    std::vector<Split> splits;
+    for (const std::uint32_t n : active) splits.push_back(spatial_median(nodes[n]));
+    const std::size_t first_child = nodes.size();
+    split_level(partition, primitives, active, std::move(splits));
+    active.clear();
+    std::size_t left_to_do = 0;
+    for (auto child = static_cast<std::uint32_t>(first_child); child < nodes.size(); ++child) {
+      if (nodes[child].count() < 2 || !wants_split(nodes[child])) continue;
+      active.push_back(child);
+      left_to_do += nodes[child].count();
+    }
+    report(progress, "partition",
+           1.0 - static_cast<double>(left_to_do) / static_cast<double>(primitives.count));
+  }
+}
+
+void split_once(Partition& partition, const Primitives& primitives,
+                const std::vector<SplitRequest>& requests) {
+  if (requests.empty()) return;
+  std::vector<std::uint32_t> active;
+  std::vector<Split> splits;
+  for (const SplitRequest& request : requests) {
+    active.push_back(request.node);
+    splits.push_back(spatial_median(partition.nodes[request.node]));
+    if (!request.by_facing) continue;
+    splits.back().kind = RBVH_SPLIT_FACING;
+    std::copy_n(&request.facing.x, 3, splits.back().direction);
+  }
+  split_level(partition, primitives, active, std::move(splits));
 }
 
 }  // namespace rbvh

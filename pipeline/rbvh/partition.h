@@ -16,6 +16,7 @@ namespace rbvh {
 struct PartitionNode {
   PrimitiveSums sums{};
   std::uint32_t begin = 0, end = 0;
+  float cone_cosine = 1;   ///< of the half-angle of the cone of normals, where cones are asked for
   std::int32_t left = -1;  ///< index of the left child, the right one follows; -1: not split (yet)
 
   std::uint32_t count() const { return end - begin; }
@@ -32,17 +33,29 @@ struct PartitionNode {
 struct Partition {
   std::vector<PartitionNode> nodes;
   Buffer<std::uint32_t> references;  ///< indices into Primitives
+  bool cones = false;
 };
 
-/// Cuts [begin, end) into runs of at most `job_run_length` references.
+/// Cuts [begin, end) into runs of at most `run_length` references.
 void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
                  std::uint32_t run_length);
 
-Partition make_root(const Primitives& primitives);
+/// With `cones`, this node and all that come of it know their cone of normals: one more pass over the primitives.
+Partition make_root(const Primitives& primitives, bool cones);
 
-/// Splits the given nodes, then their children as long as `wants_split` says so. A node of one primitive is
-/// never split.
+/// Splits the given nodes at the spatial median, then their children as long as `wants_split` says so. A node of one
+/// primitive is never split.
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
+
+/// A node to be split once.
+struct SplitRequest {
+  std::uint32_t node;
+  bool by_facing = false;  ///< what faces along `facing` from what does not, else the spatial median
+  Vec3f facing{};
+};
+
+/// Splits each node once, also nodes that have children: those are forgotten.
+void split_once(Partition& partition, const Primitives& primitives, const std::vector<SplitRequest>& requests);
 
 }  // namespace rbvh

@@ -65,7 +65,7 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
     for (const float r : scan.radii) sum += r;
     p.mean_radius = static_cast<float>(sum / static_cast<double>(count));
     device.kernel("primitives", "primitives_discs")
-        .run(count, group, positions, p.normals, radii, static_cast<float>(1.0 / kRadiusPerSpacing), p.order,
+        .run(count, group, positions, p.normals, radii, static_cast<float>(spacing_per_radius(scan)), p.order,
              p.count, p.shape, p.box_lo, p.box_hi, p.area_normal);
   } else {
     device.kernel("primitives", "primitives_triangles")

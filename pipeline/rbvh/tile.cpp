@@ -159,17 +159,20 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
   const auto tile_count = static_cast<std::uint32_t>(tiles.size());
   const Buffer<RasterTile> device_tiles(device, tiles);
   Buffer<std::uint32_t> keys(device, texel_count), lowest(device, texel_count), highest(device, texel_count);
+  Buffer<std::uint32_t> backs(device, tiles.size());
+  backs.fill(0);
   keys.fill(0);
   lowest.fill(0);
   highest.fill(0);
   device.kernel("rasterize", primitives.discs ? "rasterize_discs" : "rasterize_triangles")
       .run(runs.size(), group, device_runs, run_count, device_tiles, partition.references, primitives.shape,
-           config.reach, keys, lowest, highest);
+           config.reach, keys, lowest, highest, backs);
   const Buffer<TileSummary> device_summaries(device, tiles.size());
   device.kernel("rasterize", "rasterize_summarize")
       .run(tiles.size(), group, device_tiles, tile_count, keys, lowest, highest, config.layer_gap,
            config.step_limit, device_summaries);
   const std::vector<TileSummary> summaries = device_summaries.read();
+  const std::vector<std::uint32_t> back_texels = backs.read();
 
   // lowest and highest have served: the signals take their place.
   lowest.fill(0);
@@ -218,7 +221,9 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     tile.leaf.primitives = node.count();
     tile.texels_used = summaries[k].used;
     tile.first_texel = first + tiles[k].offset;
-    tile.is_faulty = summaries[k].layered > 0 || summaries[k].steps > 0;
+    tile.has_back = back_texels[k] > 0;
+    tile.is_faulty = tile.has_back || summaries[k].layered > 0 || summaries[k].steps > 0;
+    tile.w = Vec3f(vec(axes[k].w));
     const float texel = 1.0f / length(Vec3f{tiles[k].to_tile[0], tiles[k].to_tile[1], tiles[k].to_tile[2]});
     const Vec3f pad{0.25f * texel, 0.25f * texel, 0.25f * texel};
     tile.bounds = node.bounds();

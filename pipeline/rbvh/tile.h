@@ -18,6 +18,8 @@ struct Tile {
   std::uint32_t texels_used = 0;
   std::size_t first_texel = 0;  ///< in TileTexels
   bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
+  bool has_back = false;        ///< part of it faces away: better split by facing, along w
+  Vec3f w;                      ///< the tile's outside, unit
 };
 
 /// The texels of many tiles, one after the other.

@@ -9,15 +9,15 @@ namespace {
 /// Below this depth the larger half decides: what is left is split at the median.
 constexpr int kSahDepth = 40;
 
-struct Split {
+struct SweepSplit {
   int axis = 0;
   std::size_t left = 0;  ///< boxes on the left
 };
 
-Split best_split(const std::vector<Bounds3f>& boxes, std::vector<std::uint32_t>& items,
+SweepSplit best_split(const std::vector<Bounds3f>& boxes, std::vector<std::uint32_t>& items,
                  std::vector<float>& costs) {
   const std::size_t n = items.size();
-  Split best{0, n / 2};
+  SweepSplit best{0, n / 2};
   float best_cost = std::numeric_limits<float>::max();
   for (int axis = 0; axis < 3; ++axis) {
     std::sort(items.begin(), items.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -72,7 +72,7 @@ TopTree build_top_tree(const std::vector<Bounds3f>& boxes) {
       tree.order.push_back(job.items[0]);
       continue;
     }
-    Split split = best_split(boxes, job.items, costs);
+    SweepSplit split = best_split(boxes, job.items, costs);
     if (job.depth >= kSahDepth) split.left = job.items.size() / 2;
     std::sort(job.items.begin(), job.items.end(), [&](std::uint32_t a, std::uint32_t c) {
       const float ca = boxes[a].lo[split.axis] + boxes[a].hi[split.axis],

@@ -13,7 +13,7 @@ namespace {
 /// A default viewpoint further off than this many diagonals is the origin of a map, no sensor.
 constexpr double kFarthestDefault = 16;
 /// Least visible_share() of a cloud that is believed to be seen from its default viewpoint.
-constexpr double kVisible = 0.8;
+constexpr double kVisible = 0.5;
 
 /// The finite points of a scan, side by side.
 struct FinitePoints {

@@ -40,7 +40,8 @@ void nearest(const Tree& tree, std::span<const Vec3f> points, std::size_t self, 
 
 }  // namespace
 
-Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Progress& progress) {
+Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Progress& progress,
+                         std::size_t step) {
   RBVH_CHECK(points.size() < UINT32_MAX);
   Neighbors neighbors;
   neighbors.offsets.assign(points.size() + 1, 0);
@@ -60,8 +61,8 @@ Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Pro
     std::vector<float> distances;
     std::vector<std::uint32_t> others;
     std::vector<std::uint32_t>& mine = found[begin / kGrain];
-    mine.reserve((end - begin) * k);
-    for (std::size_t i = begin; i < end; ++i) {
+    mine.reserve((end - begin) / step * k);
+    for (std::size_t i = (begin + step - 1) / step * step; i < end; i += step) {
       for (std::size_t wanted = k;; wanted = std::min(2 * wanted, points.size() - 1)) {
         nearest(tree, points, i, wanted, indices, distances, others);
         if (wanted >= kWidest * k || wanted == points.size() - 1) break;

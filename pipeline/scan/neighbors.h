@@ -25,7 +25,9 @@ struct Neighbors {
 
 /// The k nearest of each point (all others, where there are fewer). Where those lie along a line, as scanners
 /// that sample one direction far denser than the other leave them, twice or four times as many, so that they
-/// span a surface. All positions must be finite. 64 + 4 k bytes a point. The same for any number of threads.
-Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Progress& progress = {});
+/// span a surface. Only every `step`-th point is asked; the others get none. All positions must be finite.
+/// About 64 + 4 k bytes a point. The same for any number of threads.
+Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Progress& progress = {},
+                         std::size_t step = 1);
 
 }  // namespace rbvh

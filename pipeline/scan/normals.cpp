@@ -11,6 +11,8 @@ constexpr std::size_t kGrain = 4096;
 /// Edges of the graph a point: spread over its neighbours, so that scan lines far apart are joined too.
 constexpr std::size_t kEdges = 8;
 constexpr std::size_t kWeights = 1024;
+/// Squared sine of the angle between an edge and a plane from which on it leads off the plane.
+constexpr float kOffPlane = 0.25f;
 
 /// Sets of points that know, for each point, whether it is flipped against its set's root.
 class ParitySets {
@@ -69,25 +71,31 @@ void for_edges(const Neighbors& neighbors, std::size_t begin, std::size_t end, V
   }
 }
 
-/// Over an edge the surface turns like a circle's arc: the normal that continues `n` is its mirror image in
-/// the plane halfway. In [-1, 1]; negative: the two point to different sides.
-float agreement(Vec3f from, Vec3f to, Vec3f n_from, Vec3f n_to) {
-  const Vec3f d = to - from;
-  const float squared = dot(d, d);
-  if (!(squared > 0)) return dot(n_from, n_to);
-  return dot(n_from - d * (2 * dot(d, n_from) / squared), n_to);
-}
+/// How an edge carries a normal over.
+struct Turn {
+  bool opposite = false;   ///< the two normals point to different sides
+  std::size_t weight = 0;  ///< less: more certain
+};
 
-std::size_t weight(float agreement) {
-  const float turn = 1 - std::min(1.0f, std::abs(agreement));
-  return static_cast<std::size_t>(turn * static_cast<float>(kWeights - 1));
+/// Along the surface it turns like a circle's arc: the normal that continues `n_from` is its mirror image in
+/// the plane halfway. Edges that lead off both points' planes, to another sheet or another return of the same
+/// pulse, come last and leave the normal as it is.
+Turn turn(Vec3f from, Vec3f to, Vec3f n_from, Vec3f n_to) {
+  constexpr float kHalf = static_cast<float>(kWeights / 2 - 1);
+  const Vec3f d = to - from;
+  const float squared = dot(d, d), off_from = dot(d, n_from), off_to = dot(d, n_to);
+  const float off = std::max(off_from * off_from, off_to * off_to);
+  const bool along = squared > 0 && off < kOffPlane * squared;
+  const float agreement = dot(along ? n_from - d * (2 * off_from / squared) : n_from, n_to);
+  const float change = 1 - std::min(1.0f, std::abs(agreement));
+  return {agreement < 0, static_cast<std::size_t>(change * kHalf) + (along ? 0 : kWeights / 2)};
 }
 
 /// All edges, those of least weight first, in a fixed order.
 std::vector<Edge> sorted_edges(std::span<const Vec3f> points, const Neighbors& neighbors,
                                std::span<const Vec3f> normals) {
   const auto weight_of = [&](std::uint32_t a, std::uint32_t b) {
-    return weight(agreement(points[a], points[b], normals[a], normals[b]));
+    return turn(points[a], points[b], normals[a], normals[b]).weight;
   };
   std::vector<std::size_t> place(kWeights + 1, 0);
   for_edges(neighbors, 0, points.size(),
@@ -116,7 +124,7 @@ void propagate_orientation(std::span<const Vec3f> points, const Neighbors& neigh
   ParitySets sets(points.size());
   for (const Edge& edge : sorted_edges(points, neighbors, normals))
     sets.join(edge.from, edge.to,
-              agreement(points[edge.from], points[edge.to], normals[edge.from], normals[edge.to]) < 0);
+              turn(points[edge.from], points[edge.to], normals[edge.from], normals[edge.to]).opposite);
 
   // The sum of n_z times the height above the lowest point is a closed surface's volume, positive when its
   // normals face outwards; over a terrain it is positive when they face up. The square lets the top count

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/scan/normals.h"
 
 namespace rbvh {
 namespace {
@@ -26,6 +27,8 @@ constexpr float kLargest = 3;
 /// Discs of a curved or noisy surface are tilted against each other, which opens slits between those that
 /// just meet.
 constexpr double kOverlap = 1.1;
+/// Discs at which a cloud's area is measured, and neighbours of each.
+constexpr std::size_t kSamples = 20000, kSampleNeighbors = 24;
 
 struct Point2 {
   double u, v;
@@ -34,7 +37,14 @@ struct Point2 {
 /// A convex polygon being cut by half-planes; one more corner for each cut at most.
 class Cell {
  public:
-  explicit Cell(double half) : corners_{{{-half, -half}, {half, -half}, {half, half}, {-half, half}}} {}
+  /// Begins as a regular polygon around a circle of the given radius, of the same area.
+  explicit Cell(double radius) {
+    const double turn = 2 * std::numbers::pi / kSides;
+    const double reach = radius * std::sqrt(turn / std::sin(turn));
+    for (std::size_t i = 0; i < kSides; ++i)
+      corners_[i] = {reach * std::cos(turn * static_cast<double>(i)),
+                     reach * std::sin(turn * static_cast<double>(i))};
+  }
 
   /// Keeps what is nearer to the origin than to `other`.
   void cut(Point2 other) {
@@ -54,7 +64,7 @@ class Cell {
     std::swap(corners_, cut_);
     count_ = count;
   }
-  /// The distances squared of the farthest corner, and of the farthest that is not beyond `limit`.
+  /// The distance squared of the farthest corner that is not beyond `limit` (squared); 0 for none.
   double farthest(double limit) const {
     double result = 0;
     for (std::size_t i = 0; i < count_; ++i) {
@@ -63,38 +73,51 @@ class Cell {
     }
     return result;
   }
+  double area() const {
+    double twice = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Point2 a = corners_[i], b = corners_[i + 1 < count_ ? i + 1 : 0];
+      twice += a.u * b.v - a.v * b.u;
+    }
+    return twice / 2;
+  }
 
  private:
-  static constexpr std::size_t kMost = 64;
+  static constexpr std::size_t kSides = 16, kMost = 64;
   std::array<Point2, kMost> corners_, cut_;
-  std::size_t count_ = 4;
+  std::size_t count_ = kSides;
 };
 
-double cover_radius(std::span<const Vec3f> points, std::size_t self, Vec3d normal,
-                    std::span<const std::uint32_t> others, std::vector<Point2>& around) {
+/// The neighbours in the tangent plane, without those steeper than 45 degrees off it: another sheet, or
+/// noise, which covers nothing here. Nearest first but for that.
+void project(std::span<const Vec3f> points, std::size_t self, Vec3d normal,
+             std::span<const std::uint32_t> others, std::vector<Point2>& around) {
   const Vec3d axis = std::abs(normal.x) < 0.6 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
   const Vec3d tangent = normalized(cross(normal, axis)), bitangent = cross(normal, tangent);
   const Vec3d origin = static_cast<Vec3d>(points[self]);
   around.clear();
-  double farthest = 0;
   for (const std::uint32_t other : others) {
     const Vec3d d = static_cast<Vec3d>(points[other]) - origin;
     const Point2 p{dot(d, tangent), dot(d, bitangent)};
     const double squared = p.u * p.u + p.v * p.v, off = dot(d, normal);
-    // Steeper than 45 degrees off the plane: another sheet, or noise; it covers nothing here.
-    if (squared == 0 || off * off > squared) continue;
-    around.push_back(p);
-    farthest = std::max(farthest, squared);
+    if (squared > 0 && off * off <= squared) around.push_back(p);
   }
+}
+
+double cover_radius(std::span<const Vec3f> points, std::size_t self, Vec3d normal,
+                    std::span<const std::uint32_t> others, std::vector<Point2>& around) {
+  project(points, self, normal, others, around);
   if (around.empty()) {
     // Only points above or below: half the way to the nearest that is not equal.
     for (const std::uint32_t other : others) {
-      const double distance = length(static_cast<Vec3d>(points[other]) - origin);
+      const double distance = length(static_cast<Vec3d>(points[other]) - static_cast<Vec3d>(points[self]));
       if (distance > 0) return distance / 2;
     }
     return 0;
   }
   // So many points in a circle around this one: their spacing.
+  double farthest = 0;
+  for (const Point2& p : around) farthest = std::max(farthest, p.u * p.u + p.v * p.v);
   const double spacing = std::sqrt(std::numbers::pi * farthest / static_cast<double>(around.size() + 1));
   const double gap = kGap * spacing;
   Cell cell(2 * gap);
@@ -131,7 +154,9 @@ std::vector<float> estimate_radii(std::span<const Vec3f> points, std::span<const
   return radii;
 }
 
-double surface_area(const Scan& scan) {
+namespace {
+
+double triangle_area(const Scan& scan) {
   double area = 0;
   for (const Triangle& t : scan.triangles) {
     const Vec3d a = static_cast<Vec3d>(scan.positions[t[0]]), b = static_cast<Vec3d>(scan.positions[t[1]]),
@@ -139,10 +164,59 @@ double surface_area(const Scan& scan) {
     const double twice = length(cross(b - a, c - a));
     if (std::isfinite(twice)) area += twice / 2;
   }
-  if (scan.is_cloud())
-    for (std::size_t i = 0; i < scan.radii.size(); ++i)
-      if (is_finite(scan.positions[i]) && std::isfinite(scan.radii[i])) area += disc_area(scan.radii[i]);
   return area;
+}
+
+struct Discs {
+  std::vector<Vec3f> points, normals;
+  std::vector<float> radii;
+  double squares = 0;  ///< the sum of the squared radii
+};
+
+Discs usable_discs(const Scan& scan) {
+  Discs discs;
+  if (scan.radii.empty() || scan.normals.empty()) return discs;
+  for (std::size_t i = 0; i < scan.positions.size(); ++i) {
+    const float radius = scan.radii[i];
+    if (!is_finite(scan.positions[i]) || !is_direction(scan.normals[i]) || !std::isfinite(radius) ||
+        !(radius > 0))
+      continue;
+    discs.points.push_back(scan.positions[i]);
+    discs.normals.push_back(scan.normals[i]);
+    discs.radii.push_back(radius);
+    discs.squares += static_cast<double>(radius) * static_cast<double>(radius);
+  }
+  return discs;
+}
+
+/// The part of the discs' squared radii that their cells take.
+double cells_per_square(const Discs& discs) {
+  const std::size_t step = (discs.points.size() + kSamples - 1) / kSamples;
+  const Neighbors neighbors = find_neighbors(discs.points, kSampleNeighbors, {}, step);
+  double cells = 0, squares = 0;
+  std::vector<Point2> around;
+  for (std::size_t i = 0; i < discs.points.size(); i += step) {
+    project(discs.points, i, normalized(static_cast<Vec3d>(discs.normals[i])), neighbors.of(i), around);
+    const double radius = static_cast<double>(discs.radii[i]);
+    Cell cell(radius);
+    for (const Point2& p : around) cell.cut(p);
+    cells += cell.area();
+    squares += radius * radius;
+  }
+  return cells / squares;
+}
+
+}  // namespace
+
+double surface_area(const Scan& scan) {
+  if (!scan.is_cloud()) return triangle_area(scan);
+  const Discs discs = usable_discs(scan);
+  return discs.points.empty() ? 0 : discs.squares * cells_per_square(discs);
+}
+
+double spacing_per_radius(const Scan& scan) {
+  const Discs discs = usable_discs(scan);
+  return !scan.is_cloud() || discs.points.empty() ? 1 : std::sqrt(cells_per_square(discs));
 }
 
 }  // namespace rbvh

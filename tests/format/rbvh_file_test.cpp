@@ -7,10 +7,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <optional>
+#include <thread>
 
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
@@ -446,17 +449,28 @@ TEST_F(RbvhFileTest, ReplacingIsWholeOrRefused) {
   const Rbvh old_pair = make_small_rbvh(0), new_pair = make_small_rbvh(1);
   write_rbvh(path("old.rbvh"), old_pair, false);
   const Bytes old_hierarchy = read_bytes(path("old.rbvh"));
-  int seen_old = 0, seen_new = 0;
-  for (int run = 0; run < 60; ++run) {
+  // Starts the replacement in a child, and kills it after `limit`.
+  using Clock = std::chrono::steady_clock;
+  const auto replace = [&](std::optional<Clock::duration> limit) {
     write_rbvh(path("a.rbvh"), old_pair, true);
+    const Clock::time_point start = Clock::now();
     const pid_t child = fork();
     if (child == 0) {
+      set_thread_count(1);  // a fork has none of its parent's pools
       write_rbvh(path("a.rbvh"), new_pair, true);
       _exit(0);
     }
-    usleep(static_cast<useconds_t>(run * 300));
-    kill(child, SIGKILL);
+    if (limit) {
+      std::this_thread::sleep_for(*limit);
+      kill(child, SIGKILL);
+    }
     waitpid(child, nullptr, 0);
+    return Clock::now() - start;
+  };
+  const Clock::duration undisturbed = replace({});
+  int seen_old = 0, seen_new = 0;
+  for (int run = 0; run < 60; ++run) {
+    replace(run * undisturbed / 30);  // up to twice the time it takes
     const bool hierarchy_is_old = read_bytes(path("a.rbvh")) == old_hierarchy;
     const std::string why = refusal("a.rbvh");
     if (why.empty()) {
@@ -480,6 +494,7 @@ TEST_F(RbvhFileTest, SizeLimits) {
   for (std::uint64_t limit = 0; limit <= needed; limit += limit + 64 < needed ? 37 : 1) {
     const pid_t child = fork();
     if (child == 0) {
+      set_thread_count(1);  // a fork has none of its parent's pools
       install_interrupt_cleanup();
       const rlimit bound{limit, limit};
       setrlimit(RLIMIT_FSIZE, &bound);

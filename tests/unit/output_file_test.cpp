@@ -77,7 +77,8 @@ TEST_F(OutputFileTest, AppearsOnlyWhenCommitted) {
     OutputFile file(path("scan.atlas.tif"), false);
     EXPECT_EQ(fs::path(file.temporary_path()).filename().string(),
               ".scan.atlas.tmp." + std::to_string(getpid()) + ".tif");
-    file.write("whole");
+    file.write("wh");
+    file.write("ole");
     EXPECT_FALSE(fs::exists(path("scan.atlas.tif")));
     file.commit();
     EXPECT_EQ(content(path("scan.atlas.tif")), "whole");

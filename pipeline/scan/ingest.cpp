@@ -1,0 +1,101 @@
+#include "pipeline/scan/ingest.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "pipeline/base/error.h"
+#include "pipeline/scan/normals.h"
+#include "pipeline/scan/outliers.h"
+#include "pipeline/scan/radii.h"
+#include "pipeline/scan/thin.h"
+
+namespace rbvh {
+namespace {
+
+/// Vertices of a mesh without a normal, after a merge with one that has them, get that of their faces, by
+/// area.
+std::size_t complete_mesh_normals(Scan& scan) {
+  if (scan.normals.empty()) return 0;
+  std::vector<Vec3f> sums(scan.positions.size());
+  for (const Triangle& t : scan.triangles) {
+    const Vec3f n =
+        cross(scan.positions[t[1]] - scan.positions[t[0]], scan.positions[t[2]] - scan.positions[t[0]]);
+    for (const std::uint32_t corner : t) sums[corner] = sums[corner] + n;
+  }
+  std::size_t completed = 0;
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    if (is_direction(scan.normals[i])) continue;
+    scan.normals[i] = normalized(sums[i]);
+    ++completed;
+  }
+  return completed;
+}
+
+void flip(Scan& scan) {
+  for (Vec3f& normal : scan.normals) normal = -normal;
+  for (Triangle& triangle : scan.triangles) std::swap(triangle[1], triangle[2]);
+}
+
+std::size_t count_objects(const Scan& scan) {
+  std::vector<std::int32_t> ids = scan.object_ids;
+  std::sort(ids.begin(), ids.end());
+  const auto distinct = std::unique(ids.begin(), ids.end()) - ids.begin();
+  return std::max<std::size_t>(1, static_cast<std::size_t>(distinct));
+}
+
+}  // namespace
+
+void check_usable(const Scan& scan, const std::string& file) {
+  const Bounds3f box = bounds(scan);
+  if (box.empty()) throw Error(ExitCode::kInput, file, "has no point with finite coordinates");
+  if (box.lo == box.hi) throw Error(ExitCode::kInput, file, "all points are equal: there is no surface");
+}
+
+Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, IngestReport& counts,
+            const Progress& progress) {
+  counts.vertices_in = raw.positions.size();
+  counts.faces_in = raw.triangles.size();
+  const bool is_mesh = !raw.triangles.empty();
+  if (is_mesh && (config.voxel > 0 || config.viewpoint || config.recompute_normals))
+    throw Error(ExitCode::kUsage, file, "is a mesh: voxels, viewpoints and new normals are for clouds only");
+
+  report(progress, "clean", 0);
+  const Vec3d old_shift = raw.shift;
+  Scan scan = shift_to_float(std::move(raw));
+  check_usable(scan, file);
+  counts.cleaned = clean(scan);
+  const auto check_left = [&](const char* because) {
+    if (scan.positions.empty() || (is_mesh && scan.triangles.empty()))
+      throw Error(ExitCode::kInput, file, because);
+  };
+  check_left("no face with an area is left after cleaning");
+  if (config.outliers)
+    counts.outliers = remove_outliers(scan, config.outliers->neighbors, config.outliers->sigma);
+  check_left("no face is left after the removal of outliers");
+  if (config.voxel > 0) counts.thinned = thin_cloud(scan, config.voxel);
+  report(progress, "clean", 1);
+
+  if (is_mesh) {
+    counts.mesh_normals_completed = complete_mesh_normals(scan);
+  } else {
+    if (config.recompute_normals) scan.normals.clear();
+    CloudConfig cloud{.neighbors = config.normals_k, .viewpoint = config.viewpoint};
+    if (cloud.viewpoint) cloud.viewpoint = *cloud.viewpoint - (scan.shift - old_shift);
+    counts.cloud = complete_cloud(scan, cloud, progress);
+  }
+  if (config.min_component > 0) counts.small_components = remove_small_components(scan, config.min_component);
+  check_left("nothing is left after the removal of small components");
+  check_usable(scan, file);
+  if (config.flip_normals) flip(scan);
+
+  // Vertices of a mesh may have lost all their faces to what was asked for.
+  if (is_mesh && (counts.outliers > 0 || counts.small_components.vertices > 0))
+    counts.cleaned.unreferenced_vertices += clean(scan).unreferenced_vertices;
+  counts.vertices_out = scan.positions.size();
+  counts.faces_out = scan.triangles.size();
+  counts.objects = count_objects(scan);
+  counts.area = surface_area(scan);
+  return scan;
+}
+
+}  // namespace rbvh

@@ -1,0 +1,291 @@
+// Measures an RBVH against Embree and the exact tracer: builds, bytes, and primary and one-bounce diffuse
+// rays, in one process, on the same rays, repetitions interleaved. Writes figures down; passes and fails
+// nothing.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+
+#include "io/output_file.h"
+#include "io/scan_io.h"
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+#include "pipeline/exact/trace_exact.h"
+#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/render/camera.h"
+#include "tests/bench/bench_rays.h"
+#include "tests/bench/bench_report.h"
+#include "tests/bench/embree_scene.h"
+
+namespace rbvh::bench {
+namespace {
+
+constexpr std::uint32_t kSeed = 1;
+
+struct Options {
+  std::vector<std::string> scans;
+  std::string csv_path, json_path, device;
+  int repetitions = 7, build_repetitions = 3, threads = 2;
+  std::uint32_t resolution = 1024;
+  double bounce_offset = 1e-3;
+};
+
+double seconds_of(const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Something that traces the rays of one kind; its result says where its hits went.
+struct Contender {
+  RaysResult result;
+  std::function<void()> trace;
+  std::function<std::size_t()> count_hits;
+};
+
+std::size_t count_hits(const std::vector<Hit>& hits) {
+  return static_cast<std::size_t>(
+      std::count_if(hits.begin(), hits.end(), [](const Hit& hit) { return hit.leaf != RBVH_NO_LEAF; }));
+}
+
+/// Once unmeasured, then all contenders in turn, again and again: what slows the machine down for a while
+/// slows all.
+void run_interleaved(std::vector<Contender>& contenders, int repetitions, Report& report) {
+  for (Contender& c : contenders) {
+    c.trace();
+    c.result.hits = c.count_hits();
+  }
+  for (int i = 0; i < repetitions; ++i) {
+    for (Contender& c : contenders) c.result.timing.seconds.push_back(seconds_of(c.trace));
+  }
+  for (Contender& c : contenders) report.rays.push_back(std::move(c.result));
+}
+
+void add_phase(BuildResult& build, const std::string& name, double seconds) {
+  for (BuildResult::Phase& phase : build.phases) {
+    if (phase.name == name) {
+      phase.timing.seconds.push_back(seconds);
+      return;
+    }
+  }
+  build.phases.push_back({name, {{seconds}}});
+}
+
+struct Built {
+  Rbvh rbvh;
+  ExactTracer exact;
+  std::vector<EmbreeScene> embree;  ///< as embree_builds()
+};
+
+Built build_all(const Device& device, const Scan& scan, const Options& options, Report& report) {
+  const std::vector<LevelConfig>& levels = standard_levels();
+  const std::vector<EmbreeBuild> embree = embree_builds();
+  std::vector<BuildResult> alone(levels.size()), embree_results(embree.size());
+  BuildResult together, exact_result;
+  Built built;
+  {  // unmeasured: compiles the kernels
+    BuildConfig coarsest;
+    coarsest.levels = {levels.back()};
+    build_rbvh(device, scan, coarsest);
+  }
+  for (int repetition = 0; repetition < options.build_repetitions; ++repetition) {
+    const auto measure = [&](BuildResult& result, const std::string& name, const BuildConfig& config) {
+      BuildTimings timings;
+      result.engine = "rbvh";
+      result.name = name;
+      Rbvh rbvh;
+      result.total.seconds.push_back(
+          seconds_of([&] { rbvh = build_rbvh(device, scan, config, {}, &timings); }));
+      add_phase(result, "upload", timings.upload);
+      add_phase(result, "partition", timings.partition);
+      add_phase(result, "rasterize", timings.rasterize);
+      add_phase(result, "pack", timings.pack);
+      return rbvh;
+    };
+    built.rbvh = measure(together, "all levels", {});
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+      BuildConfig config;
+      config.levels = {levels[i]};
+      measure(alone[i], levels[i].name, config);
+    }
+    ExactTimings timings;
+    exact_result.engine = "exact";
+    exact_result.name = "SAH";
+    exact_result.total.seconds.push_back(
+        seconds_of([&] { built.exact = make_exact_tracer(device, scan, &timings); }));
+    add_phase(exact_result, "hierarchy", timings.hierarchy);
+    add_phase(exact_result, "flatten", timings.flatten);
+    add_phase(exact_result, "upload", timings.upload);
+    built.embree.clear();
+    for (std::size_t i = 0; i < embree.size(); ++i) {
+      built.embree.emplace_back(scan, embree[i], options.threads);
+      embree_results[i].engine = "embree";
+      embree_results[i].name = embree[i].name;
+      embree_results[i].total.seconds.push_back(built.embree.back().build_seconds());
+    }
+  }
+  report.builds = alone;
+  report.builds.push_back(together);
+  report.builds.push_back(exact_result);
+  report.builds.insert(report.builds.end(), embree_results.begin(), embree_results.end());
+  return built;
+}
+
+void measure_memory(const Built& built, const Scan& scan, Report& report) {
+  for (const Level& level : built.rbvh.levels) {
+    std::size_t texel_bytes = 0;
+    for (const Layer& layer : level.layers) {
+      if (layer.name == "height") texel_bytes = layer.texels.size() * sizeof layer.texels[0];
+    }
+    report.levels.push_back({level.name, level.rho, level.alpha, level.phi_degrees, level.nodes.size(),
+                             level.leaves.size(), std::size_t{level.atlas_width} * level.atlas_height,
+                             level.texels_used});
+    report.memory.push_back({"rbvh", level.name,
+                             level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf),
+                             texel_bytes});
+  }
+  report.memory.push_back({"exact", "SAH", built.exact.nodes.size() * sizeof(ExactNode),
+                           built.exact.blocks.size() * sizeof(ExactBlock)});
+  const std::size_t vertex = scan.is_cloud() ? 7 * sizeof(float) : sizeof(Vec3f);
+  const std::size_t source = scan.positions.size() * vertex + scan.triangles.size() * sizeof(Triangle);
+  const std::vector<EmbreeBuild> embree = embree_builds();
+  for (std::size_t i = 0; i < built.embree.size(); ++i) {
+    // Embree counts the buffers we filled, too.
+    const std::size_t bytes = built.embree[i].bytes();
+    report.memory.push_back({"embree", embree[i].name, bytes - std::min(bytes, source), source});
+  }
+}
+
+void measure_rays(const Device& device, const Built& built, const Options& options, const Bounds3f& box,
+                  bool cloud, Report& report) {
+  const Bounds3d bounds = {static_cast<Vec3d>(box.lo), static_cast<Vec3d>(box.hi)};
+  const Camera camera = place_camera({}, bounds, cloud ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}, 1.0);
+  const CameraRays words = camera_rays(camera, options.resolution, options.resolution);
+  const std::vector<Ray> primary = primary_rays(words);
+  Buffer<Hit> hits(device, primary.size());
+  {
+    const Buffer<Ray> rays(device, primary);
+    trace_rays(built.exact, rays, hits, primary.size(), RayQuery::kNearest);
+  }
+  const float offset = static_cast<float>(options.bounce_offset) * box.diagonal();
+  const std::vector<Ray> diffuse = diffuse_rays(primary, hits.read(), offset, kSeed);
+  const Buffer<Ray> diffuse_buffer(device, diffuse);
+
+  std::vector<RbvhTracer> tracers;
+  for (const Level& level : built.rbvh.levels) tracers.push_back(make_rbvh_tracer(device, level));
+  const std::vector<EmbreeBuild> builds = embree_builds();
+  for (const std::string kind : {"primary", "diffuse"}) {
+    const bool is_primary = kind == "primary";
+    const std::size_t count = is_primary ? primary.size() : diffuse.size();
+    if (count == 0) continue;
+    const auto device_hits = [&] {
+      std::vector<Hit> read(count);
+      hits.read(read);
+      return count_hits(read);
+    };
+    const auto device_contender = [&](const std::string& engine, const std::string& name,
+                                      const auto& tracer) {
+      return Contender{{kind, engine, name, count, 0, {}, 0},
+                       [&, is_primary, count] {
+                         if (is_primary) {
+                           trace_camera(tracer, words, hits);
+                         } else {
+                           trace_rays(tracer, diffuse_buffer, hits, count, RayQuery::kNearest);
+                         }
+                         device.finish();
+                       },
+                       device_hits};
+    };
+    std::vector<Contender> contenders;
+    for (std::size_t i = 0; i < tracers.size(); ++i) {
+      contenders.push_back(device_contender("rbvh", built.rbvh.levels[i].name, tracers[i]));
+    }
+    contenders.push_back(device_contender("exact", "SAH", built.exact));
+    const EmbreeRays embree_rays(is_primary ? primary : diffuse, is_primary);
+    std::vector<Hit> embree_hits;
+    for (std::size_t i = 0; i < built.embree.size(); ++i) {
+      for (const EmbreeVariant& variant : embree_variants()) {
+        contenders.push_back(
+            {{kind, "embree", builds[i].name + " " + variant.name, count, 0, {}, 0},
+             [&, i, variant] { built.embree[i].trace(variant.mode, embree_rays, embree_hits); },
+             [&] { return count_hits(embree_hits); }});
+      }
+    }
+    run_interleaved(contenders, options.repetitions, report);
+    compare_with_best(report, kind);
+  }
+}
+
+Report measure(const Device& device, const std::string& path, const Options& options) {
+  const Scan scan = shift_to_float(read_scan(path));
+  if (scan.is_cloud() && (scan.normals.empty() || scan.radii.empty())) {
+    throw Error(ExitCode::kInput, path, "a cloud without normals and radii: ingest it first");
+  }
+  Report report;
+  report.scan = std::filesystem::path(path).stem().string();
+  report.version = RBVH_VERSION;
+  report.device = device.info().name;
+  report.driver = device.info().driver;
+  report.embree = embree_version();
+  report.triangles = scan.triangles.size();
+  report.points = scan.positions.size();
+  report.threads = options.threads;
+  report.repetitions = options.repetitions;
+  report.resolution = options.resolution;
+  const Built built = build_all(device, scan, options, report);
+  measure_memory(built, scan, report);
+  measure_rays(device, built, options, bounds(scan), scan.is_cloud(), report);
+  return report;
+}
+
+void write(const std::string& path, const std::string& text) {
+  if (path.empty()) return;
+  OutputFile file(path, true);
+  file.write(text);
+  file.commit();
+}
+
+int run(int argc, char** argv) {
+  Options options;
+  CLI::App app("Measures RBVHs against Embree and exact ray casting; prints tables, writes CSV and JSON");
+  app.add_option("SCAN", options.scans, "scans, ingested where they are clouds")->required();
+  app.add_option("--csv", options.csv_path, "one row a figure, written here");
+  app.add_option("--json", options.json_path, "everything, every repetition, written here");
+  app.add_option("--device", options.device, "OpenCL device: name, index, cpu or gpu");
+  app.add_option("--repetitions", options.repetitions, "timed tracings of each kind")->capture_default_str();
+  app.add_option("--build-repetitions", options.build_repetitions, "timed builds of each kind")
+      ->capture_default_str();
+  app.add_option("--threads", options.threads, "host threads, Embree's and a CPU device's")
+      ->capture_default_str();
+  app.add_option("--resolution", options.resolution, "primary rays each way, a multiple of 8")
+      ->check(CLI::Range(8, 16384))
+      ->capture_default_str();
+  app.add_option("--bounce-offset", options.bounce_offset,
+                 "start of diffuse rays off the surface, in diagonals")
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  options.resolution = (options.resolution + 7) / 8 * 8;
+  set_thread_count(options.threads);
+  try {
+    const Device device = Device::open(options.device);
+    std::vector<Report> reports;
+    for (const std::string& path : options.scans) {
+      reports.push_back(measure(device, path, options));
+      // After each scan: a long run that is stopped has something to show.
+      write(options.csv_path, csv(reports));
+      write(options.json_path, json(reports));
+    }
+    std::fputs(markdown(reports).c_str(), stdout);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "rbvh_bench: %s\n", error.what());
+    return static_cast<int>(error.code());
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace rbvh::bench
+
+int main(int argc, char** argv) { return rbvh::bench::run(argc, argv); }

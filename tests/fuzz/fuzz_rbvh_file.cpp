@@ -1,0 +1,22 @@
+// Hierarchies with a true seal around arbitrary bytes: what gets through must be safe to flatten for the
+// kernels.
+#include <cstdlib>
+
+#include "io/rbvh_file.h"
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/wide_nodes.h"
+#include "tests/format/pair_bytes.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  rbvh::Bytes bytes(data, data + size);
+  rbvh::reseal(bytes);
+  rbvh::PairHeader header;
+  try {
+    const rbvh::Rbvh rbvh = rbvh::decode_hierarchy(std::as_bytes(std::span(bytes)), "fuzz.rbvh", header);
+    for (const rbvh::Level& level : rbvh.levels)
+      if (rbvh::flatten_wide(level.nodes, 8).words.size() % (7 * 8) != 0) std::abort();
+  } catch (const rbvh::Error& error) {
+    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+  }
+  return 0;
+}
