@@ -277,7 +277,7 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header) {
     refuse(path, "comes without its atlas " + atlas_name + ": a pair is two files; bring both");
   if (const std::uint64_t size = std::filesystem::file_size(atlas_name, error);
       !error && size < head.atlas_bytes)
-    refuse(atlas_name, "is cut, or belongs to another pair than " + path + ": it has " +
+    refuse(atlas_name, "belongs to another pair than " + path + ", or is cut: it has " +
                            std::to_string(size) + " bytes and should have " +
                            std::to_string(head.atlas_bytes));
   const InputBytes atlas = read_input(atlas_name);
