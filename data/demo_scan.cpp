@@ -27,7 +27,7 @@ struct Options {
 };
 
 /// Triangles of the fused mesh times its cell size squared: measured, it hardly depends on the cell size.
-constexpr double kTriangleArea = 92;
+constexpr double kTriangleArea = 94;
 
 std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255 + 0.5f);

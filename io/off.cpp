@@ -72,7 +72,7 @@ class OffReader {
       words.at = start;
       words.word();
       if (TextCursor(words).word().empty()) {
-        next_or_fail("the line of counts, line", 0, 1);
+        if (!next()) in_.fail("the file is cut before its line of counts");
         words = TextCursor(line_, *in_.file);
       }
     } else {

@@ -96,6 +96,7 @@ Header parse_header(TextCursor& in) {
       if (header.data != "ascii" && header.data != "binary" && header.data != "binary_compressed")
         at.fail("unknown DATA " + shown(header.data));
     } else {
+      if (in.at_end()) in.fail("the file is cut inside its header");
       at.fail("unknown header line " + shown(line));
     }
   }

@@ -131,6 +131,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
     } else if (key == "comment") {
       parse_comment(words, header);
     } else if (!key.empty() && key != "obj_info") {
+      if (lines.at_end()) lines.fail("the file is cut inside its header");
       at.fail("unknown header line " + shown(line));
     }
   }
@@ -187,6 +188,7 @@ class AsciiSource {
     if (!in_.at_end()) in_.fail("there is more data than the header's counts say; one of them is wrong");
   }
   [[noreturn]] void fail(const std::string& what) const { in_.fail(what + " in " + place.words()); }
+  [[noreturn]] void fail_here(const std::string& what) const { in_.fail(what); }
 
  private:
   [[noreturn]] void bad_word(const char* wanted) {
@@ -266,9 +268,9 @@ class BinarySource {
                   "byte " + std::to_string(at_ - begin_) + ": " + left + "; a count in the header is wrong");
     notes.push_back(left + " and were ignored");
   }
-  [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ExitCode::kInput, file_,
-                "byte " + std::to_string(at_ - begin_) + ": " + what + " in " + place.words());
+  [[noreturn]] void fail(const std::string& what) const { fail_here(what + " in " + place.words()); }
+  [[noreturn]] void fail_here(const std::string& what) const {
+    throw Error(ExitCode::kInput, file_, "byte " + std::to_string(at_ - begin_) + ": " + what);
   }
 
  private:
@@ -307,9 +309,9 @@ void check_fits(Source& in, const Element& element) {
   std::uint64_t entry = 0;
   for (const Property& property : element.properties) entry += in.least_bytes(property);
   if (entry > 0 && element.count > in.available() / entry)
-    in.fail("the header promises " + std::to_string(element.count) + " of element '" + element.name +
-            "', but only " + std::to_string(in.available()) +
-            " bytes are left: the file is cut or its counts are wrong;");
+    in.fail_here("the header promises " + std::to_string(element.count) + " of element '" + element.name +
+                 "', but there are bytes for " + std::to_string(in.available() / entry) +
+                 " at most: the file is cut or its counts are wrong");
 }
 
 template <class Source>
@@ -346,7 +348,7 @@ void read_vertices(Source& in, const Element& element, RawScan& scan) {
   };
 
   const int x = find({"x"}), y = find({"y"}), z = find({"z"});
-  if (x < 0 || y < 0 || z < 0) in.fail("no x, y, z properties");
+  if (x < 0 || y < 0 || z < 0) in.fail_here("the vertices have no x, y and z");
   check_fits(in, element);
   scan.positions.resize(count);
   aim(x, Target::kDouble, &scan.positions.data()->x, sizeof(Vec3d));
@@ -448,7 +450,7 @@ template <class Source>
 void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, bool strips, RawScan& scan) {
   const int list = find_index_list(element);
   if (list < 0) {
-    if (element.count > 0) in.fail("no list of vertex indices");
+    if (element.count > 0) in.fail_here("the faces have no list of vertex indices");
     return;
   }
   int id_property = -1;
