@@ -8,6 +8,7 @@
 #include "pipeline/scan/outliers.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/thin.h"
+#include "pipeline/scan/vertex_normals.h"
 
 namespace rbvh {
 namespace {
@@ -16,16 +17,11 @@ namespace {
 /// area.
 std::size_t complete_mesh_normals(Scan& scan) {
   if (scan.normals.empty()) return 0;
-  std::vector<Vec3f> sums(scan.positions.size());
-  for (const Triangle& t : scan.triangles) {
-    const Vec3f n =
-        cross(scan.positions[t[1]] - scan.positions[t[0]], scan.positions[t[2]] - scan.positions[t[0]]);
-    for (const std::uint32_t corner : t) sums[corner] = sums[corner] + n;
-  }
+  const std::vector<Vec3f> smooth = vertex_normals(scan);
   std::size_t completed = 0;
-  for (std::size_t i = 0; i < sums.size(); ++i) {
+  for (std::size_t i = 0; i < smooth.size(); ++i) {
     if (is_direction(scan.normals[i])) continue;
-    scan.normals[i] = normalized(sums[i]);
+    scan.normals[i] = smooth[i];
     ++completed;
   }
   return completed;
