@@ -3,10 +3,10 @@
 #include <memory>
 
 #include "cli/common.h"
+#include "cli/measure.h"
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
-#include "io/output_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/rbvh/build.h"
@@ -24,6 +24,7 @@ struct BuildOptions {
   std::string file;
   std::vector<std::string> levels;  // empty: all
   Refinement refinement = Refinement::kProjectedArea;
+  bool measure = false;
 };
 
 Refinement parse_refinement(std::string_view text) {
@@ -67,12 +68,26 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
   return json;
 }
 
+// Fills in the levels' fidelity; gives the scan back.
+Scan measure_pair(Context& context, const Device& device, Rbvh& rbvh, Scan&& scan) {
+  Subject exact, pair;
+  exact.bounds = pair.bounds = bounds(scan);
+  exact.is_cloud = pair.is_cloud = scan.is_cloud();
+  exact.content = std::move(scan);
+  pair.content = std::move(rbvh);
+  const std::vector<LevelMeasure> measures =
+      measure_levels(context, device, pair, exact, choose_levels(pair, {"all"}), {});
+  rbvh = std::move(std::get<Rbvh>(pair.content));
+  for (std::size_t i = 0; i < measures.size(); ++i)
+    rbvh.levels[i].fidelity = stored_fidelity(measures[i].views);
+  return std::move(std::get<Scan>(exact.content));
+}
+
 void run_build(Context& context, const BuildOptions& options) {
   BuildConfig config;
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
-  check_output(context.output, context.force);
-  check_output(atlas_path(context.output), context.force);
+  check_rbvh_output(context.output, context.force);
 
   Stopwatch watch;
   Scan scan;
@@ -97,6 +112,11 @@ void run_build(Context& context, const BuildOptions& options) {
   const double build_seconds = watch.lap();
   rbvh.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
   rbvh.source.hash = hash;
+  double measure_seconds = 0;
+  if (options.measure) {
+    scan = measure_pair(context, device, rbvh, std::move(scan));
+    measure_seconds = watch.lap();
+  }
   rbvh.build_options = options_json(options, config.levels).dump();
   const RbvhBytes bytes = write_rbvh(context.output, rbvh, context.force);
   const double write_seconds = watch.lap();
@@ -106,7 +126,7 @@ void run_build(Context& context, const BuildOptions& options) {
   report["timings"] = {{"load", load_seconds},           {"build", build_seconds},
                        {"upload", timings.upload},       {"partition", timings.partition},
                        {"rasterize", timings.rasterize}, {"pack", timings.pack},
-                       {"write", write_seconds}};
+                       {"measure", measure_seconds},     {"write", write_seconds}};
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
@@ -133,6 +153,9 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
   add_parsed(*stage, "--refinement", options->refinement, parse_refinement, "HOW",
              "what splits a node: area (projected area, default) or cone (cone of normals)");
+  stage->add_flag(
+      "--measure", options->measure,
+      "compare each level with the scan in 8 views and store what is found (see validate --against)");
 }
 
 }  // namespace rbvh

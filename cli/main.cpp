@@ -61,13 +61,13 @@ void flush_stdout() {
 }
 
 void run(CLI::App& app, Context& context, int argc, char** argv) {
-  if (add_ingest) add_ingest(app, context);
-  if (add_build) add_build(app, context);
-  if (add_render) add_render(app, context);
-  if (add_trace) add_trace(app, context);
-  if (add_info) add_info(app, context);
-  if (add_validate) add_validate(app, context);
-  if (add_devices) add_devices(app, context);
+  add_ingest(app, context);
+  add_build(app, context);
+  add_render(app, context);
+  add_trace(app, context);
+  add_info(app, context);
+  add_validate(app, context);
+  add_devices(app, context);
   check_stage_word(app, argc > 1 ? argv[1] : nullptr);
   if (argv[1][0] != '-') context.stage = argv[1];
   try {

@@ -77,6 +77,7 @@ std::vector<LevelMeasure> measure_levels(Context& context, const Device& device,
   for (const std::string& level : levels) {
     LevelMeasure measure;
     measure.level = level;
+    measure.image = measure.control = {0, 0, 0};  // sums at first
     measure.diagonal = static_cast<double>(exact.bounds.diagonal());
     measure.texel = texel_side(*pair.rbvh()->find_level(level));
     measures.push_back(measure);

@@ -7,16 +7,14 @@ class App;
 
 namespace rbvh {
 
-#define RBVH_STAGE __attribute__((weak))  // until every stage has landed
-
 struct Context;
 
-void add_ingest(CLI::App& app, Context& context) RBVH_STAGE;
-void add_build(CLI::App& app, Context& context) RBVH_STAGE;
-void add_render(CLI::App& app, Context& context) RBVH_STAGE;
-void add_trace(CLI::App& app, Context& context) RBVH_STAGE;
-void add_info(CLI::App& app, Context& context) RBVH_STAGE;
-void add_validate(CLI::App& app, Context& context) RBVH_STAGE;
-void add_devices(CLI::App& app, Context& context) RBVH_STAGE;
+void add_ingest(CLI::App& app, Context& context);
+void add_build(CLI::App& app, Context& context);
+void add_render(CLI::App& app, Context& context);
+void add_trace(CLI::App& app, Context& context);
+void add_info(CLI::App& app, Context& context);
+void add_validate(CLI::App& app, Context& context);
+void add_devices(CLI::App& app, Context& context);
 
 }  // namespace rbvh

@@ -12,12 +12,12 @@
 namespace rbvh {
 namespace {
 
-// Measured on the Stanford dragon's Q0: zip with the horizontal predictor takes 47% of the raw bytes; level 4
-// is 1.6% larger and 1.7 times faster, level 9 3% smaller and 4 times slower. Tiles of 128 are as small as
-// strips and half the time to write.
-constexpr int kZipLevel = 6;
+// Measured on the Stanford dragon's five levels (21 MB of texels) with the horizontal predictor: zip level 1 gives
+// 12.2 MB in 0.25 s, level 6 0.2% less in 0.6 s, level 9 4% less in 2.1 s. TIFF tiles take half the time of strips;
+// those of 256 are 1% smaller than those of 128.
+constexpr int kZipLevel = 1;
 constexpr int kPredictorHorizontal = 2;
-constexpr std::uint32_t kTiffTile = 128;
+constexpr std::uint32_t kTiffTile = 256;
 // What a byte of deflate can become at most (1032), and some room for tiles' padding.
 constexpr std::uint64_t kMaxExpansion = 1100;
 

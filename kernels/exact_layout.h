@@ -12,16 +12,17 @@ namespace rbvh {
 #define EXACT_BLOCK_WIDTH 8
 #define EXACT_LEAF_BIT 0x80000000u  // a child with it is a block, without it a node
 
-// Boxes of up to 16 children, one row a plane: lo x y z, hi x y z. An unused slot is a box far away without extent, and
-// its child is block 0, in which nothing can be hit: an inverted box would pass a slab test whose rows are swapped.
+// Boxes of up to 16 children, one row a plane: lo x y z, hi x y z. An unused slot is a box far away without
+// extent, and its child is block 0, in which nothing can be hit: an inverted box would pass a slab test whose
+// rows are swapped.
 typedef struct ExactNode {
   float planes[6][EXACT_NODE_WIDTH];
   rbvh_u32 children[EXACT_NODE_WIDTH];
 } ExactNode;
 RBVH_LAYOUT_SIZE(ExactNode, 448);
 
-// Up to 8 triangles (vertices a, b, c: nine rows) or discs (centre, unit normal, radius: seven rows), and their
-// indices in the scan. Unused lanes are NaN. Block 0 has unused lanes only.
+// Up to 8 triangles (vertices a, b, c: nine rows) or discs (centre, unit normal, radius: seven rows), and
+// their indices in the scan. Unused lanes are NaN. Block 0 has unused lanes only.
 typedef struct ExactBlock {
   float rows[9][EXACT_BLOCK_WIDTH];
   rbvh_u32 ids[EXACT_BLOCK_WIDTH];

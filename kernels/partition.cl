@@ -10,7 +10,7 @@ typedef struct {
   uint count;
 } Sums;
 
-inline Sums no_sums(void) {
+static inline Sums no_sums(void) {
   Sums s;
   s.lo = (float4)(FLT_MAX, FLT_MAX, FLT_MAX, 0.0f);
   s.hi = (float4)(-FLT_MAX);
@@ -20,7 +20,7 @@ inline Sums no_sums(void) {
 }
 
 // box_lo.w is the area: it is summed, not minimised.
-inline void sums_add(Sums* s, float4 lo, float4 hi, float4 area_normal) {
+static inline void sums_add(Sums* s, float4 lo, float4 hi, float4 area_normal) {
   const float area = s->lo.w + lo.w;
   s->lo = min(s->lo, lo);
   s->lo.w = area;
@@ -29,7 +29,7 @@ inline void sums_add(Sums* s, float4 lo, float4 hi, float4 area_normal) {
   s->count++;
 }
 
-inline void sums_store(const Sums* s, __global PrimitiveSums* out) {
+static inline void sums_store(const Sums* s, __global PrimitiveSums* out) {
   vstore3(s->lo.xyz, 0, out->lo);
   out->count = s->count;
   vstore3(s->hi.xyz, 0, out->hi);

@@ -10,7 +10,8 @@ __kernel void prefix_sum_chunk_totals(__global const uint* in, uint count, uint 
   totals[chunk] = sum;
 }
 
-// `in` may be `out`: each element is read before it is written, by the same work-item. The last chunk adds the total.
+// `in` may be `out`: each element is read before it is written, by the same work-item. The last chunk adds
+// the total.
 __kernel void prefix_sum_chunks(__global const uint* in, uint count, uint length, uint chunks,
                                 __global const uint* starts, __global uint* out) {
   const uint chunk = (uint)get_global_id(0);

@@ -4,10 +4,10 @@
 
 #pragma OPENCL FP_CONTRACT OFF
 
-inline float4 load3(__global const float* p, uint i) { return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f); }
+static inline float4 load3(__global const float* p, uint i) { return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f); }
 
 // Spreads the low 10 bits of x, two zeros between neighbours.
-inline uint spread(uint x) {
+static inline uint spread(uint x) {
   x = (x | (x << 16)) & 0x030000ffu;
   x = (x | (x << 8)) & 0x0300f00fu;
   x = (x | (x << 4)) & 0x030c30c3u;

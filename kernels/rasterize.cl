@@ -6,7 +6,7 @@
 
 #pragma OPENCL FP_CONTRACT OFF
 
-inline float4 load3(__global const float* p, uint i) { return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f); }
+static inline float4 load3(__global const float* p, uint i) { return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f); }
 
 // --- the rectangle --------------------------------------------------------------------------------------------------
 
@@ -23,7 +23,7 @@ typedef struct {
   float w_lo, w_hi;
 } Extents;
 
-inline void extents_add(Extents* e, float u, float v, float w, float reach_uv, float reach_w) {
+static inline void extents_add(Extents* e, float u, float v, float w, float reach_uv, float reach_w) {
   const float16 c = vload16(0, frame_cos), s = vload16(0, frame_sin);
   const float16 ru = c * u + s * v, rv = c * v - s * u;
   e->u_lo = min(e->u_lo, ru - reach_uv);
@@ -71,13 +71,13 @@ __kernel void rasterize_extents(__global const Run* runs, uint run_count, __glob
 
 // --- heights --------------------------------------------------------------------------------------------------------
 
-inline float4 to_tile(__global const float* m, float4 p) {
+static inline float4 to_tile(__global const float* m, float4 p) {
   return (float4)(m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3], m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7],
                   m[8] * p.x + m[9] * p.y + m[10] * p.z + m[11], 0.0f);
 }
 
 // `distance` in texels; 0: covered.
-inline uint make_key(float distance, float reach, float w) {
+static inline uint make_key(float distance, float reach, float w) {
   const uint rank = distance <= 0.0f ? 255u : (uint)(254.0f - distance * (126.5f / reach));
   return (rank << 24) | (uint)clamp(w, 0.0f, RBVH_FINE_MAX);
 }
@@ -106,9 +106,9 @@ typedef struct {
   int flat;                            // seen edge-on: no plane
 } TileTriangle;
 
-inline float edge_value(float2 p, float2 q, float2 x) { return (q.x - p.x) * (x.y - p.y) - (q.y - p.y) * (x.x - p.x); }
+static inline float edge_value(float2 p, float2 q, float2 x) { return (q.x - p.x) * (x.y - p.y) - (q.y - p.y) * (x.x - p.x); }
 
-inline TileTriangle make_triangle(float4 a, float4 b, float4 c, float texel_w) {
+static inline TileTriangle make_triangle(float4 a, float4 b, float4 c, float texel_w) {
   TileTriangle t;
   t.a = a.xy;
   t.b = b.xy;
@@ -135,7 +135,7 @@ inline TileTriangle make_triangle(float4 a, float4 b, float4 c, float texel_w) {
 }
 
 // Does the square of half side `reach` about x touch the triangle (separating axes)? If so, how far is x from it?
-inline Sample sample_triangle(const TileTriangle* t, float2 x, float reach) {
+static inline Sample sample_triangle(const TileTriangle* t, float2 x, float reach) {
   Sample s;
   s.distance = -1.0f;
   s.w = 0.0f;
@@ -160,7 +160,7 @@ typedef struct {
   int flat, is_back;
 } TileDisc;
 
-inline TileDisc make_disc(__global const RasterTile* tile, __global const float* s) {
+static inline TileDisc make_disc(__global const RasterTile* tile, __global const float* s) {
   TileDisc d;
   __global const float* m = tile->to_tile;
   d.center = to_tile(m, load3(s, 0));
@@ -180,7 +180,7 @@ inline TileDisc make_disc(__global const RasterTile* tile, __global const float*
 
 // Discs overlap, so the one whose centre is nearest speaks for a texel: distance is measured from the centre, and
 // the cloud's noise is not pushed outwards.
-inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
+static inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
   Sample s;
   const float2 step = x - d->center.xy;
   const float rise = -dot(d->lean, step);
@@ -193,17 +193,22 @@ inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
   return s;
 }
 
-inline uint fine(float w) { return (uint)clamp(w, 0.0f, RBVH_FINE_MAX); }
+static inline uint fine(float w) { return (uint)clamp(w, 0.0f, RBVH_FINE_MAX); }
+
+// An atomic maximum that first looks whether it is worth one: most are not.
+static inline void raise(volatile __global uint* p, uint value) {
+  if (*p < value) atomic_max(p, value);
+}
 
 // keys: the winner. lowest, highest: what covers the texel's centre, to see two layers; kept as
 // RBVH_FINE_MAX - w and w, each plus one, 0: nothing. backs: per tile, how often a texel's centre is covered by
 // what faces away.
-inline void put(__global uint* keys, __global uint* lowest, __global uint* highest, uint at, Sample q, float reach,
+static inline void put(__global uint* keys, __global uint* lowest, __global uint* highest, uint at, Sample q, float reach,
                 int covers) {
-  atomic_max(keys + at, make_key(q.distance, reach, q.w));
+  raise(keys + at, make_key(q.distance, reach, q.w));
   if (covers) {
-    atomic_max(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
-    atomic_max(highest + at, fine(q.w) + 1u);
+    raise(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
+    raise(highest + at, fine(q.w) + 1u);
   }
 }
 
@@ -257,7 +262,7 @@ __kernel void rasterize_discs(__global const Run* runs, uint run_count, __global
 // --- signals on the surface -----------------------------------------------------------------------------------------
 
 // Octahedral unit normal, 8 bits a coordinate, and 5-6-5 colour, as the file has them.
-inline uint pack_normal(float4 n) {
+static inline uint pack_normal(float4 n) {
   const float sum = fabs(n.x) + fabs(n.y) + fabs(n.z);
   if (!(sum > 0.0f)) return 0x8080u;
   float2 p = n.xy / sum;
@@ -267,12 +272,12 @@ inline uint pack_normal(float4 n) {
   return (uint)q.x | ((uint)q.y << 8);
 }
 
-inline uint pack_color(float4 c) {
+static inline uint pack_color(float4 c) {
   const float4 q = clamp(floor(c * (float4)(31.0f, 63.0f, 31.0f, 0.0f) / 255.0f + 0.5f), 0.0f, 63.0f);
   return ((uint)q.x << 11) | ((uint)q.y << 5) | (uint)q.z;
 }
 
-inline float4 color_of(__global const uint* colors, uint i) {
+static inline float4 color_of(__global const uint* colors, uint i) {
   const uint c = colors[i];
   return (float4)((float)(c & 255u), (float)((c >> 8) & 255u), (float)((c >> 16) & 255u), 0.0f);
 }
@@ -310,10 +315,10 @@ __kernel void rasterize_triangle_signals(__global const Run* runs, uint run_coun
       ka *= sum;
       kb *= sum;
       kc *= sum;
-      atomic_max(texel_normals + at, pack_normal(load3(normals, corner[0]) * ka + load3(normals, corner[1]) * kb +
+      raise(texel_normals + at, pack_normal(load3(normals, corner[0]) * ka + load3(normals, corner[1]) * kb +
                                                  load3(normals, corner[2]) * kc));
       if (has_colors)
-        atomic_max(texel_colors + at, 0x10000u | pack_color(color_of(colors, corner[0]) * ka +
+        raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, corner[0]) * ka +
                                                             color_of(colors, corner[1]) * kb +
                                                             color_of(colors, corner[2]) * kc));
     }
@@ -337,8 +342,8 @@ __kernel void rasterize_disc_signals(__global const Run* runs, uint run_count, _
       const Sample q = sample_disc(&d, (float2)((float)x, (float)y), reach);
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
-      atomic_max(texel_normals + at, pack_normal(load3(normals, point)));
-      if (has_colors) atomic_max(texel_colors + at, 0x10000u | pack_color(color_of(colors, point)));
+      raise(texel_normals + at, pack_normal(load3(normals, point)));
+      if (has_colors) raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, point)));
     }
   }
 }

@@ -1,11 +1,12 @@
-// Reduction over consecutive segments in an order that BLOCK alone fixes (pipeline/device/segmented_reduce.h).
+// Reduction over consecutive segments in an order that BLOCK alone fixes
+// (pipeline/device/segmented_reduce.h).
 //
 //   blocks    |    0    |    1    |    2    |    3    |
 //   segments  [a][ b       ][c][ d                ][e ]
 //
-// Whole segments within a block (a, c, e) are done at once. One that leaves its block (b, d) gets its first part as a
-// preliminary result; every block it goes on into keeps that part in `heads` (b in 1; d in 2 and 3), and the block
-// where it starts joins them in order.
+// Whole segments within a block (a, c, e) are done at once. One that leaves its block (b, d) gets its first
+// part as a preliminary result; every block it goes on into keeps that part in `heads` (b in 1; d in 2 and
+// 3), and the block where it starts joins them in order.
 #if COMPONENTS == 1
 typedef float VALUE;
 #elif COMPONENTS == 2
@@ -27,7 +28,7 @@ typedef float8 VALUE;
 #define REDUCE(a, b) select(a, b, (b) > (a))
 #endif
 
-VALUE reduce_range(__global const VALUE* values, uint begin, uint end) {
+static VALUE reduce_range(__global const VALUE* values, uint begin, uint end) {
   VALUE result = (VALUE)(IDENTITY);
   for (uint i = begin; i < end; ++i) {
     const VALUE value = values[i];
@@ -37,7 +38,7 @@ VALUE reduce_range(__global const VALUE* values, uint begin, uint end) {
 }
 
 // The first of the segments + 1 offsets that is at least `position`; segments + 1 when there is none.
-uint first_start(__global const uint* offsets, uint segments, uint position) {
+static uint first_start(__global const uint* offsets, uint segments, uint position) {
   uint low = 0, high = segments + 1;
   while (low < high) {
     const uint middle = low + (high - low) / 2;
@@ -50,7 +51,7 @@ uint first_start(__global const uint* offsets, uint segments, uint position) {
   return low;
 }
 
-__kernel void segmented_reduce_blocks(__global const VALUE* values, uint count, uint blocks_per_item, uint blocks,
+__kernel void segmented_reduce_blocks(__global const VALUE* values, uint blocks_per_item, uint blocks,
                                       __global const uint* offsets, uint segments, __global VALUE* heads,
                                       __global VALUE* out) {
   const uint first = (uint)get_global_id(0) * blocks_per_item;
@@ -59,7 +60,8 @@ __kernel void segmented_reduce_blocks(__global const VALUE* values, uint count, 
   uint segment = first_start(offsets, segments, first * BLOCK);
   for (uint block = first; block < last; ++block) {
     const uint begin = block * BLOCK, end = begin + BLOCK;
-    if (segment > 0 && segment <= segments) heads[block] = reduce_range(values, begin, min(end, offsets[segment]));
+    if (segment > 0 && segment <= segments)
+      heads[block] = reduce_range(values, begin, min(end, offsets[segment]));
     for (; segment < segments && offsets[segment] < end; ++segment) {
       out[segment] = reduce_range(values, offsets[segment], min(end, offsets[segment + 1]));
     }
@@ -67,7 +69,7 @@ __kernel void segmented_reduce_blocks(__global const VALUE* values, uint count, 
   }
 }
 
-__kernel void segmented_reduce_join(uint count, uint blocks_per_item, uint blocks, __global const uint* offsets,
+__kernel void segmented_reduce_join(uint blocks_per_item, uint blocks, __global const uint* offsets,
                                     uint segments, __global const VALUE* heads, __global VALUE* out) {
   const uint first = (uint)get_global_id(0) * blocks_per_item;
   if (first >= blocks) return;
@@ -87,8 +89,8 @@ __kernel void segmented_reduce_join(uint count, uint blocks_per_item, uint block
   }
 }
 
-// offsets[s]: the first of the ascending ids that is at least s. Every work-item writes the offsets of the numbers in
-// (id before its element, id of its element]; beyond the last element those that remain.
+// offsets[s]: the first of the ascending ids that is at least s. Every work-item writes the offsets of the
+// numbers in (id before its element, id of its element]; beyond the last element those that remain.
 __kernel void segmented_reduce_offsets(__global const uint* ids, uint count, uint length, uint segments,
                                        __global uint* offsets) {
   const uint begin = (uint)get_global_id(0) * length;

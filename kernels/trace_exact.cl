@@ -1,10 +1,11 @@
-// Exact ray casting of triangles (default) or discs (-DDISCS) through a 16-wide hierarchy, one ray a work-item: the ray
-// meets all boxes of a node, and all primitives of a block, in one vector instruction each.
+// Exact ray casting of triangles (default) or discs (-DDISCS) through a 16-wide hierarchy, one ray a
+// work-item: the ray meets all boxes of a node, and all primitives of a block, in one vector instruction
+// each.
 //
-// Triangles: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013. Every vertex is moved into the
-// ray's own space by arithmetic that depends on nothing but the vertex and the ray, so two triangles that share an edge
-// see the same edge; a sign that float cannot tell is found in double. Boxes are met with the origin moved by an error
-// bound, so that no box is missed whose triangle the test would accept.
+// Triangles: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013. Every vertex is moved
+// into the ray's own space by arithmetic that depends on nothing but the vertex and the ray, so two triangles
+// that share an edge see the same edge; a sign that float cannot tell is found in double. Boxes are met with
+// the origin moved by an error bound, so that no box is missed whose triangle the test would accept.
 //
 // STACK: entries that any ray can need.
 #pragma OPENCL FP_CONTRACT OFF
@@ -38,7 +39,7 @@ typedef struct Query {
 } Query;
 
 // False where the ray cannot hit anything: not finite, without a direction or an interval.
-bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
+static bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
   float longest = 0.0f, reach = 0.0f;
   bool finite = ray->tmin <= ray->tmax;
   q->kz = 0;
@@ -61,13 +62,14 @@ bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
   q->sx = q->direction[q->kx] / q->direction[q->kz];
   q->sy = q->direction[q->ky] / q->direction[q->kz];
   q->sz = 1.0f / q->direction[q->kz];
-  // Rounding in the triangle test moves things by at most 5 * 2^-24 of the distances along two axes, rounding in the
-  // box test by 3 * 2^-24 of the coordinates: together less than this.
+  // Rounding in the triangle test moves things by at most 5 * 2^-24 of the distances along two axes, rounding
+  // in the box test by 3 * 2^-24 of the coordinates: together less than this.
   const float margin = 1.2e-6f * reach;
   for (uint i = 0; i < 3; ++i) {
     const float d = q->direction[i];
     const float parallel_limit = 1e-18f * longest;
-    // A ray parallel to a slab: its planes are crossed nowhere near, before or behind the origin as the margin decides.
+    // A ray parallel to a slab: its planes are crossed nowhere near, before or behind the origin as the
+    // margin decides.
     const float inverse = fabs(d) > parallel_limit ? 1.0f / d : copysign(1e18f / longest, d);
     const float outwards = copysign(margin, inverse);
     q->inverse[i] = inverse;
@@ -80,8 +82,10 @@ bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
 }
 
 // Children met between tmin and `limit`, as bits; where in `entry`.
-inline uint meet_children(__global const ExactNode* node, const Query* q, float limit, float16* entry) {
-#define PLANES(row, i, offset) mad(vload16(0, node->planes[q->row[i]]), (float16)(q->inverse[i]), (float16)(q->offset[i]))
+static inline uint meet_children(__global const ExactNode* node, const Query* q, float limit,
+                                 float16* entry) {
+#define PLANES(row, i, offset) \
+  mad(vload16(0, node->planes[q->row[i]]), (float16)(q->inverse[i]), (float16)(q->offset[i]))
   const float16 enter = max(max(PLANES(near_row, 0, near_offset), PLANES(near_row, 1, near_offset)),
                             max(PLANES(near_row, 2, near_offset), (float16)(q->tmin)));
   const float16 leave = min(min(PLANES(far_row, 0, far_offset), PLANES(far_row, 1, far_offset)),
@@ -91,10 +95,10 @@ inline uint meet_children(__global const ExactNode* node, const Query* q, float 
   return lane_bits16(enter <= leave);
 }
 
-// Takes the lanes in `mask` over into `found` where they are nearer; of equally near ones the lowest index wins, so that
-// the result does not depend on the hierarchy.
-inline bool take_nearest(uint mask, float8 t8, float8 u8, float8 v8, __global const ExactBlock* blocks, uint block,
-                         Found* found) {
+// Takes the lanes in `mask` over into `found` where they are nearer; of equally near ones the lowest index
+// wins, so that the result does not depend on the hierarchy.
+static inline bool take_nearest(uint mask, float8 t8, float8 u8, float8 v8, __global const ExactBlock* blocks,
+                                uint block, Found* found) {
   float t[8], u[8], v[8];
   vstore8(t8, 0, t);
   vstore8(u8, 0, u);
@@ -113,7 +117,7 @@ inline bool take_nearest(uint mask, float8 t8, float8 u8, float8 v8, __global co
 
 #ifndef DISCS
 // U, V, W: twice the signed areas of the triangle's parts opposite a, b and c, seen along the ray.
-inline bool meet_block(__global const ExactBlock* blocks, uint block, const Query* q, Found* found) {
+static inline bool meet_block(__global const ExactBlock* blocks, uint block, const Query* q, Found* found) {
   __global const ExactBlock* b = blocks + block;
   const float8 ox = q->origin[q->kx], oy = q->origin[q->ky], oz = q->origin[q->kz];
   const float8 az = vload8(0, b->rows[q->kz]) - oz;
@@ -144,7 +148,7 @@ inline bool meet_block(__global const ExactBlock* blocks, uint block, const Quer
   return mask != 0 && take_nearest(mask, t, v / area, w / area, blocks, block, found);
 }
 
-inline float3 unit_normal(__global const ExactBlock* b, uint lane) {
+static inline float3 unit_normal(__global const ExactBlock* b, uint lane) {
   const float3 a = (float3)(b->rows[0][lane], b->rows[1][lane], b->rows[2][lane]);
   const float3 ab = (float3)(b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]) - a;
   const float3 ac = (float3)(b->rows[6][lane], b->rows[7][lane], b->rows[8][lane]) - a;
@@ -155,17 +159,17 @@ inline float3 unit_normal(__global const ExactBlock* b, uint lane) {
 }
 #else
 // Two unit vectors across a unit normal (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017).
-inline void disc_frame(float3 n, float3* x, float3* y) {
+static inline void disc_frame(float3 n, float3* x, float3* y) {
   const float sign = copysign(1.0f, n.z), a = -1.0f / (sign + n.z), b = n.x * n.y * a;
   *x = (float3)(1.0f + sign * n.x * n.x * a, sign * b, -sign * n.x);
   *y = (float3)(b, sign + n.y * n.y * a, -n.y);
 }
 
-inline float3 unit_normal(__global const ExactBlock* b, uint lane) {
+static inline float3 unit_normal(__global const ExactBlock* b, uint lane) {
   return (float3)(b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]);
 }
 
-inline bool meet_block(__global const ExactBlock* blocks, uint block, const Query* q, Found* found) {
+static inline bool meet_block(__global const ExactBlock* blocks, uint block, const Query* q, Found* found) {
   __global const ExactBlock* b = blocks + block;
   // From the origin to the centres.
   const float8 cx = vload8(0, b->rows[0]) - q->origin[0];
@@ -176,7 +180,8 @@ inline bool meet_block(__global const ExactBlock* blocks, uint block, const Quer
   const float8 slope = nx * q->direction[0] + ny * q->direction[1] + nz * q->direction[2];
   const float8 t = (cx * nx + cy * ny + cz * nz) / slope;
   const float8 rx = t * q->direction[0] - cx, ry = t * q->direction[1] - cy, rz = t * q->direction[2] - cz;
-  uint mask = lane_bits8((slope != 0.0f) & (rx * rx + ry * ry + rz * rz <= radius * radius) & (t >= q->tmin) & (t <= found->t));
+  uint mask = lane_bits8((slope != 0.0f) & (rx * rx + ry * ry + rz * rz <= radius * radius) & (t >= q->tmin) &
+                         (t <= found->t));
   if (mask == 0 || !take_nearest(mask, t, t, t, blocks, block, found)) return false;
   const uint lane = found->lane;
   const float3 centre = (float3)(b->rows[0][lane], b->rows[1][lane], b->rows[2][lane]);
@@ -192,8 +197,8 @@ inline bool meet_block(__global const ExactBlock* blocks, uint block, const Quer
 #endif
 
 // Nearest hit, or any if `any` is set. Returns nodes and blocks visited.
-uint trace(__global const ExactNode* nodes, __global const ExactBlock* blocks, const ExactScene* scene, const Ray* ray,
-           uint any, Found* found) {
+static uint trace(__global const ExactNode* nodes, __global const ExactBlock* blocks, const ExactScene* scene,
+                  const Ray* ray, uint any, Found* found) {
   *found = (Found){min(ray->tmax, FLT_MAX), 0.0f, 0.0f, 0u, 0u, 0u};
   Query q;
   if (!prepare(ray, scene, &q)) return 0;
@@ -250,7 +255,7 @@ uint trace(__global const ExactNode* nodes, __global const ExactBlock* blocks, c
   }
 }
 
-inline Hit make_hit(const Found* found, __global const ExactBlock* blocks, const Ray* ray) {
+static inline Hit make_hit(const Found* found, __global const ExactBlock* blocks, const Ray* ray) {
   Hit hit;
   hit.t = INFINITY;
   hit.normal[0] = hit.normal[1] = hit.normal[2] = 0.0f;
@@ -272,9 +277,9 @@ inline Hit make_hit(const Found* found, __global const ExactBlock* blocks, const
   return hit;
 }
 
-__kernel void trace_exact_rays(__global const ExactNode* nodes, __global const ExactBlock* blocks, ExactScene scene,
-                               __global const Ray* rays, uint count, uint any, __global Hit* hits,
-                               __global uint* steps_out) {
+__kernel void trace_exact_rays(__global const ExactNode* nodes, __global const ExactBlock* blocks,
+                               ExactScene scene, __global const Ray* rays, uint count, uint any,
+                               __global Hit* hits, __global uint* steps_out) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
   const Ray ray = rays[i];
@@ -284,8 +289,9 @@ __kernel void trace_exact_rays(__global const ExactNode* nodes, __global const E
   if (steps_out) steps_out[i] = steps;
 }
 
-__kernel void trace_exact_camera(__global const ExactNode* nodes, __global const ExactBlock* blocks, ExactScene scene,
-                                 CameraRays camera, __global Hit* hits, __global uint* steps_out) {
+__kernel void trace_exact_camera(__global const ExactNode* nodes, __global const ExactBlock* blocks,
+                                 ExactScene scene, CameraRays camera, __global Hit* hits,
+                                 __global uint* steps_out) {
   const uint2 pixel = camera_pixel(camera.width, (uint)get_global_id(0));
   if (pixel.x >= camera.width || pixel.y >= camera.height) return;
   const Ray ray = camera_ray(&camera, pixel.x, pixel.y);

@@ -35,16 +35,16 @@ typedef struct Tile {
    ((z) >= (tile)->lo[2]) & ((z) <= (tile)->hi[2]))
 
 // A direction component of zero becomes a tiny one, so that 1/d is finite and no slab test sees 0 * inf.
-inline float nonzero(float d) { return fabs(d) < 1e-20f ? copysign(1e-20f, d) : d; }
-inline float16 nonzero16(float16 d) { return select(d, copysign((float16)(1e-20f), d), fabs(d) < 1e-20f); }
+static inline float nonzero(float d) { return fabs(d) < 1e-20f ? copysign(1e-20f, d) : d; }
+static inline float16 nonzero16(float16 d) { return select(d, copysign((float16)(1e-20f), d), fabs(d) < 1e-20f); }
 
-inline float any_lo(float16 v) {
+static inline float any_lo(float16 v) {
   const float8 a = min(v.lo, v.hi);
   const float4 b = min(a.lo, a.hi);
   const float2 c = min(b.lo, b.hi);
   return min(c.x, c.y);
 }
-inline float any_hi(float16 v) {
+static inline float any_hi(float16 v) {
   const float8 a = max(v.lo, v.hi);
   const float4 b = max(a.lo, a.hi);
   const float2 c = max(b.lo, b.hi);
@@ -54,29 +54,29 @@ inline float any_hi(float16 v) {
 // A comparison's lanes as bits, and sixteen scattered texels. OpenCL C has no word for either; where the compiler is
 // clang for AVX-512 (PoCL), its own words are one instruction each.
 #if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
-inline uint bits8(int8 m) { return (uchar)__builtin_ia32_cvtd2mask256(m); }
-inline uint bits16(int16 m) { return (ushort)__builtin_ia32_cvtd2mask512(m); }
+static inline uint bits8(int8 m) { return (uchar)__builtin_ia32_cvtd2mask256(m); }
+static inline uint bits16(int16 m) { return (ushort)__builtin_ia32_cvtd2mask512(m); }
 // Reads two texels a lane, so the buffer is one longer than the tiles need.
-inline int16 gather16(__global const ushort* p, int16 i) {
+static inline int16 gather16(__global const ushort* p, int16 i) {
   return __builtin_ia32_gathersiv16si((int16)(0), (const void*)(size_t)p, i, (ushort)0xffff, 2) & 0xffff;
 }
 #else
-inline uint bits8(int8 m) {
+static inline uint bits8(int8 m) {
   const int8 b = m & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
   const int4 c = b.lo | b.hi;
   const int2 d = c.lo | c.hi;
   return (uint)(d.x | d.y);
 }
-inline uint bits16(int16 m) { return bits8(m.lo) | (bits8(m.hi) << 8); }
-inline int16 gather16(__global const ushort* p, int16 i) {
+static inline uint bits16(int16 m) { return bits8(m.lo) | (bits8(m.hi) << 8); }
+static inline int16 gather16(__global const ushort* p, int16 i) {
   return (int16)(p[i.s0], p[i.s1], p[i.s2], p[i.s3], p[i.s4], p[i.s5], p[i.s6], p[i.s7], p[i.s8], p[i.s9], p[i.sa],
                  p[i.sb], p[i.sc], p[i.sd], p[i.se], p[i.sf]);
 }
 #endif
-inline uint first_bit(uint m) { return 31u - clz(m & (0u - m)); }
+static inline uint first_bit(uint m) { return 31u - clz(m & (0u - m)); }
 
 // The bilinear height of a patch, NaN where a corner is missing.
-inline float patch_height(__global const ushort* p, int width, int height, float u, float v) {
+static inline float patch_height(__global const ushort* p, int width, int height, float u, float v) {
   const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
   const float fu = u - (float)x, fv = v - (float)y;
   __global const ushort* q = p + y * width + x;
@@ -87,7 +87,7 @@ inline float patch_height(__global const ushort* p, int width, int height, float
 }
 
 // A ray's hit on a tile, complete: position on the tile and the geometric normal in world space.
-inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global const ushort* heights, float3 origin,
+static inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global const ushort* heights, float3 origin,
                       float3 direction, float t, int leaf) {
   Hit h;
   h.t = INFINITY;
@@ -131,7 +131,7 @@ inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global co
 // --- one ray --------------------------------------------------------------------------------------------------------
 
 // Nearest crossing of the tile within (tmin, tmax), or tmax. Sixteen grid lines at a time.
-inline float march(__global const Tile* tile, __global const ushort* heights, float3 o, float3 d, float tmin,
+static inline float march(__global const Tile* tile, __global const ushort* heights, float3 o, float3 d, float tmin,
                    float tmax, uint* steps) {
   __global const float* m = tile->columns;
   const float4 mx = vload4(0, m), my = vload4(0, m + 3), mz = vload4(0, m + 6);
@@ -174,7 +174,6 @@ inline float march(__global const Tile* tile, __global const ushort* heights, fl
     const int16 solid = (h0 > 0.0f) & (h1 > 0.0f) & (fabs(rise) <= limit);
     const float16 D = select((float16)(NAN), gap, solid);
     const float16 next = D.s123456789abcdeff;
-    const float16 t_next = t.s123456789abcdeff;
     uint crossed = bits16((D * next <= 0.0f) & (t < t1)) & 0x7fffu;
     *steps += 1;
     while (crossed) {
@@ -200,7 +199,7 @@ inline float march(__global const Tile* tile, __global const ushort* heights, fl
 #define NODE16_WORDS (7 * 16)
 
 // Nearest hit of a ray in (tmin, tmax): t, and the tile or -1. With `any`, the first that is found.
-inline float trace(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, float3 o,
+static inline float trace(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, float3 o,
                    float3 direction, float tmin, float tmax, int any, int* leaf, uint* steps) {
   const float3 d = (float3)(nonzero(direction.x), nonzero(direction.y), nonzero(direction.z));
   const float3 inv = 1.0f / d, oi = o * inv;
@@ -290,7 +289,7 @@ __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* t
   if (write_steps) steps_out[i] = steps;
 }
 
-inline float3 camera_direction(CameraRays camera, float x, float y) {
+static inline float3 camera_direction(CameraRays camera, float x, float y) {
   const float sx = x + camera.offset_x, sy = y + camera.offset_y;
   return normalize((float3)(camera.corner[0] + camera.right[0] * sx + camera.up[0] * sy,
                             camera.corner[1] + camera.right[1] * sx + camera.up[1] * sy,
@@ -321,7 +320,7 @@ typedef struct {
 } Packet;
 
 // All sixteen rays march the tile in lockstep, a grid line of its own major axis each.
-inline void march_packet(__global const Tile* tile, __global const ushort* heights, float3 o, Packet* rays, int id,
+static inline void march_packet(__global const Tile* tile, __global const ushort* heights, float3 o, Packet* rays, int id,
                          uint* steps) {
   __global const float* m = tile->columns;
   const float3 ot = vload3(0, m) * o.x + vload3(1, m) * o.y + vload3(2, m) * o.z + vload3(3, m);

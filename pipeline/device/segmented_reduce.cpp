@@ -23,15 +23,13 @@ void segmented_reduce(const Device& device, Reduction reduction, const Buffer<fl
                               " -DCOMPONENTS=" + std::to_string(components) +
                               " -DREDUCTION=" + std::to_string(static_cast<int>(reduction));
   const Buffer<float> heads(device, blocks * components);
-  const auto value_count = static_cast<std::uint32_t>(count);
   const auto block_count = static_cast<std::uint32_t>(blocks);
   const auto segment_count = static_cast<std::uint32_t>(segments);
   device.kernel("segmented_reduce", "segmented_reduce_blocks", options)
-      .run(chunks.count, chunks.local, values, value_count, chunks.length, block_count, offsets,
-           segment_count, heads, out);
-  device.kernel("segmented_reduce", "segmented_reduce_join", options)
-      .run(chunks.count, chunks.local, value_count, chunks.length, block_count, offsets, segment_count, heads,
+      .run(chunks.count, chunks.local, values, chunks.length, block_count, offsets, segment_count, heads,
            out);
+  device.kernel("segmented_reduce", "segmented_reduce_join", options)
+      .run(chunks.count, chunks.local, chunks.length, block_count, offsets, segment_count, heads, out);
 }
 
 void segment_offsets(const Device& device, const Buffer<std::uint32_t>& ids, std::size_t count,

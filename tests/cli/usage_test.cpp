@@ -1,0 +1,134 @@
+// The words of the command line: what is refused, how, and that refusing leaves nothing behind.
+#include "tests/run_tool.h"
+
+namespace rbvh {
+namespace {
+
+class Usage : public ToolTest {
+ protected:
+  void SetUp() override {
+    ToolTest::SetUp();
+    write("a.ply", ball_ply(4));
+  }
+  // A wrong word: exit 2, one line, which holds `part`, and nothing written.
+  void expect_usage_error(const std::string& words, const std::string& part) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 2) << words << "\n" << run.err;
+    EXPECT_EQ(run.lines(), 1) << words << "\n" << run.err;
+    EXPECT_NE(run.err.find(part), std::string::npos) << words << "\n" << run.err;
+    EXPECT_EQ(run.out, "") << words;
+    EXPECT_EQ(files(), "a.ply") << words;
+  }
+};
+
+TEST_F(Usage, TheStageComesFirst) {
+  expect_usage_error("", "which stage?");
+  expect_usage_error("rendr a.ply -o a.png", "'rendr' is no stage");
+  expect_usage_error("-q render a.ply -o a.png", "options follow the stage's name");
+  expect_usage_error("devices devices", "devices");
+}
+
+TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
+  expect_usage_error("render a.ply", "rbvh render: ");
+  expect_usage_error("render a.ply -o a.png --resolution 64", "--resolution: '64'");
+  expect_usage_error("render a.ply -o a.png --resolution 64,0", "--resolution");
+  expect_usage_error("render a.ply -o a.png --camera-position 0,1,,2", "--camera-position: '0,1,,2'");
+  expect_usage_error("render a.ply -o a.png --camera-position nan,1,2", "--camera-position");
+  expect_usage_error("render a.ply -o a.png --camera-view-angle 30deg", "--camera-view-angle");
+  expect_usage_error("render a.ply -o a.png --up W", "--up");
+  expect_usage_error("render a.ply -o a.png --threads 0", "--threads");
+  expect_usage_error("render a.ply -o a.png --memory lots", "--memory");
+  expect_usage_error("render a.ply -o a.png --progress loud", "--progress");
+  expect_usage_error("render a.ply -o a.png --aov colour", "--aov");
+  expect_usage_error("render a.ply -o a.png --samples 1000", "--samples");
+  expect_usage_error("render a.ply -o a.png --turntable -3 ", "--turntable");
+  expect_usage_error("render a.ply -o a.png --no-such-option", "--no-such-option");
+  expect_usage_error("render a.ply -o a.png -o b.png", "-o");
+  expect_usage_error("build a.ply -o b.rbvh --levels Q0,Q9", "Q9");
+  expect_usage_error("build a.ply -o b.rbvh --levels Q0,,Q1", "--levels");
+  expect_usage_error("build a.ply -o b.rbvh --refinement best", "--refinement");
+  expect_usage_error("build a.ply extra.ply -o b.rbvh", "extra.ply");
+  expect_usage_error("trace a.ply -o h.npy", "--rays");
+  expect_usage_error("trace a.ply --rays r.npy -o h.npy --level Q0,Q1", "--level");
+}
+
+TEST_F(Usage, PictureNamesAreCheckedBeforeAnyWork) {
+  expect_usage_error("render a.ply -o a.bmp", "a.bmp");
+  expect_usage_error("render a.ply -o a", ".png");
+  expect_usage_error("render a.ply -o a.png --aov depth", ".exr");
+  expect_usage_error("render a.ply -o a.jpg --aov position", ".exr");
+  expect_usage_error("render a.ply -o '{file}.png'", "{name}");
+  expect_usage_error("render a.ply b.ply -o a.png", "{name}");
+  expect_usage_error("render a.ply x/a.ply -o '{name}.png'", "x/a.ply");
+  expect_usage_error("render a.ply -o a.png --turntable 3", "{frame}");
+  expect_usage_error("render a.ply -o a.png --level all", "{level}");
+}
+
+TEST_F(Usage, CamerasThatSeeNothingAreRefused) {
+  expect_usage_error("render a.ply -o a.png --camera-position 1,2,3 --camera-focal-point 1,2,3",
+                     "focal point");
+  expect_usage_error("render a.ply -o a.png --camera-position 0,9,0 --camera-focal-point 0,0,0", "view up");
+  expect_usage_error("render a.ply -o a.png --camera-view-angle 180", "view angle");
+  expect_usage_error("render a.ply -o a.png --camera-view-up 0,0,0", "view up");
+}
+
+TEST_F(Usage, HelpAndVersionGoToStdout) {
+  EXPECT_EQ(tool("--version").out.substr(0, 5), "rbvh ");
+  EXPECT_NE(tool("--help").out.find("Example:"), std::string::npos);
+  for (const char* stage : {"build", "render", "trace", "info", "validate", "devices"}) {
+    const ToolRun run = tool(std::string(stage) + " --help");
+    EXPECT_EQ(run.code, 0) << stage;
+    EXPECT_EQ(run.err, "") << stage;
+    EXPECT_NE(run.out.find("Example: rbvh " + std::string(stage)), std::string::npos) << stage;
+    EXPECT_NE(run.out.find("--quiet"), std::string::npos) << stage;
+    EXPECT_NE(tool("--help").out.find(stage), std::string::npos);
+  }
+}
+
+TEST_F(Usage, LostOutputIsAFailure) {
+  EXPECT_EQ(shell("'" RBVH_TOOL "' --help > /dev/full").code, 1);
+  EXPECT_EQ(shell("'" RBVH_TOOL "' --help >&-").code, 1);
+  EXPECT_EQ(shell("'" RBVH_TOOL "' --help 2>&1 >&- | grep -c 'standard output'").out, "1\n");
+  const ToolRun gone = shell("{ sleep 0.3; '" RBVH_TOOL "' --help; echo code $? >&2; } | true");
+  EXPECT_NE(gone.err.find("code 1"), std::string::npos) << "a reader that has gone: " << gone.err;
+}
+
+TEST_F(Usage, InputsAreCheckedBeforeADeviceIsOpened) {
+  for (const char* words : {"render missing.ply -o a.png", "build missing.ply -o a.rbvh",
+                            "trace missing.ply --rays missing.npy -o h.npy"}) {
+    const ToolRun run = tool(std::string(words) + " --device no-such-device");
+    EXPECT_EQ(run.code, 3) << words << run.err;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+    EXPECT_NE(run.err.find("missing."), std::string::npos) << run.err;
+  }
+  const ToolRun run = tool("render a.ply -o a.png --device no-such-device");
+  EXPECT_EQ(run.code, 6) << run.err;
+  EXPECT_EQ(run.lines(), 1) << run.err;
+  EXPECT_EQ(files(), "a.ply");
+}
+
+TEST_F(Usage, OutputsThatCannotBeWrittenAreFoundBeforeTheWork) {
+  write("there.png", "mine");
+  const ToolRun there = tool("render a.ply -o there.png --device no-such-device");
+  EXPECT_EQ(there.code, 1) << there.err;
+  EXPECT_EQ(there.lines(), 1) << there.err;
+  EXPECT_EQ(read("there.png"), "mine");
+  EXPECT_EQ(tool("render a.ply -o a.ply/x.png").code, 1);
+  EXPECT_EQ(tool("render a.ply -o nowhere/x.png").code, 1);
+  EXPECT_EQ(tool("build a.ply -o nowhere/x.rbvh").code, 1);
+  EXPECT_EQ(tool("render a.ply -o x.png --report nowhere/r.json").code, 1);
+  EXPECT_EQ(files(), "a.ply there.png");
+}
+
+TEST_F(Usage, BudgetsAreKept) {
+  for (const char* words : {"render a.ply -o a.png --memory 1K", "build a.ply -o a.rbvh --memory 1M",
+                            "render a.ply -o a.png --memory 100M --resolution 20000,20000"}) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 5) << words << run.err;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+  }
+  EXPECT_EQ(files(), "a.ply");
+}
+
+}  // namespace
+}  // namespace rbvh
