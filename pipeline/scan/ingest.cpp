@@ -13,16 +13,18 @@
 namespace rbvh {
 namespace {
 
-/// Vertices of a mesh without a normal, after a merge with one that has them, get that of their faces, by
-/// area.
+/// Makes a mesh's normals unit. Vertices without one, after a merge with a mesh that has them, get that of
+/// their faces. Returns how many did.
 std::size_t complete_mesh_normals(Scan& scan) {
   if (scan.normals.empty()) return 0;
   const std::vector<Vec3f> smooth = vertex_normals(scan);
   std::size_t completed = 0;
   for (std::size_t i = 0; i < smooth.size(); ++i) {
-    if (is_direction(scan.normals[i])) continue;
-    scan.normals[i] = smooth[i];
-    ++completed;
+    Vec3f& normal = scan.normals[i];
+    const bool given = is_direction(normal);
+    completed += !given;
+    if (!given) normal = smooth[i];
+    if (std::abs(dot(normal, normal) - 1) > 1e-5f) normal = normalized(normal);
   }
   return completed;
 }
