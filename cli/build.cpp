@@ -7,7 +7,6 @@
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
-#include "io/output_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/rbvh/build.h"
@@ -88,8 +87,7 @@ void run_build(Context& context, const BuildOptions& options) {
   BuildConfig config;
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
-  check_output(context.output, context.force);
-  check_output(atlas_path(context.output), context.force);
+  check_rbvh_output(context.output, context.force);
 
   Stopwatch watch;
   Scan scan;
