@@ -1,4 +1,4 @@
-// rbvh_demo_scan: a simulated scanner. Looks at the demo's sculpture from twenty-four places and writes what
+// rbvh_demo_scan: a simulated scanner. Looks at the demo's sculpture from thirty places and writes what
 // it saw, fused into a mesh (PLY) and as raw points (PCD), with the noise, outliers, holes and grazing
 // drop-outs of a real scan.
 #include <CLI/CLI.hpp>
@@ -27,7 +27,7 @@ struct Options {
 };
 
 /// Triangles of the fused mesh times its cell size squared: measured, it hardly depends on the cell size.
-constexpr double kTriangleArea = 94;
+constexpr double kTriangleArea = 90;
 
 std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255 + 0.5f);
@@ -139,7 +139,7 @@ void run(const Options& options) {
   camera.noise = static_cast<float>(options.noise) * diagonal;
   camera.registration = 0.5f * camera.noise;
   camera.seed = options.seed;
-  camera.width = static_cast<int>(1.25f * diagonal / cell);  // pixels a little finer than the mesh will be
+  camera.width = static_cast<int>(1.1f * diagonal / cell);  // pixels a little finer than the mesh will be
   std::vector<RangeImage> images;
   for (const Vec3f eye : tripod_places(shape))
     images.push_back(take_range_image(shape, eye, images.size(), camera));

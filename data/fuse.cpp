@@ -10,8 +10,8 @@ namespace {
 
 constexpr int kBlock = 8;  // cells a side
 constexpr int kBlockCells = kBlock * kBlock * kBlock;
-constexpr float kBand = 3;            // cells on either side of a measurement that it speaks for
-constexpr float kLeastCosine = 0.2f;  // what is seen at a lower angle is not believed
+constexpr float kBand = 3;             // cells on either side of a measurement that it speaks for
+constexpr float kLeastCosine = 0.28f;  // what is seen at a lower angle is not believed
 
 using Coordinate = std::array<int, 3>;
 
@@ -111,10 +111,10 @@ void look_up(const RangeImage& image, Vec3f p, float band, float& distance, floa
   const float cosine = std::min(
       {image.cosines[at], image.cosines[at + 1], image.cosines[at + width], image.cosines[at + width + 1]});
   // The edge of a hole, or of something in front of something else.
-  if (lo == 0 || cosine < kLeastCosine || (hi - lo) * cosine > 0.5f * band) return;
+  if (lo == 0 || cosine < kLeastCosine || hi - lo > 1.3f * band) return;
   const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
   const float range = (r[0] * (1 - fx) + r[1] * fx) * (1 - fy) + (r[2] * (1 - fx) + r[3] * fx) * fy;
-  const float d = (range - length(offset)) * cosine;  // from the surface's plane, no longer along the ray
+  const float d = range - length(offset);
   if (std::abs(d) > band) return;
   distance = d;
   weight = cosine - kLeastCosine;

@@ -63,10 +63,10 @@ std::vector<Vec3f> tripod_places(const DemoShape& shape) {
                                     away);
     }
   };
-  ring(7, 10, 10);
-  ring(7, 33, 30);
-  ring(4, 62, 5);
-  ring(6, -12, 0);
+  ring(9, 10, 10);
+  ring(8, 35, 30);
+  ring(5, 62, 5);
+  ring(8, -12, 0);
   return places;
 }
 

@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/atlas_file.h"
+#include "io/hash.h"
 #include "io/input_file.h"
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
@@ -28,8 +29,6 @@ constexpr std::size_t kAlignment = 64;
 constexpr std::size_t kSealHashAt = 8;  // in file::Seal
 constexpr std::size_t kMaxBuildOptionsDepth = 32;
 constexpr const char* kRebuild = "; build the pair again";
-
-std::uint64_t hash_bytes(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
 // Of all bytes, with the seal's hash taken as zero. `hash_at` is where that lies.
 std::uint64_t hash_sealed(std::span<const std::byte> bytes, std::size_t hash_at) {
@@ -278,11 +277,11 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header) {
     refuse(path, "comes without its atlas " + atlas_name + ": a pair is two files; bring both");
   if (const std::uint64_t size = std::filesystem::file_size(atlas_name, error);
       !error && size < head.atlas_bytes)
-    refuse(atlas_name, "is cut, or belongs to another pair than " + path + ": it has " +
+    refuse(atlas_name, "belongs to another pair than " + path + ", or is cut: it has " +
                            std::to_string(size) + " bytes and should have " +
                            std::to_string(head.atlas_bytes));
   const InputBytes atlas = read_input(atlas_name);
-  if (atlas.size != head.atlas_bytes || hash_bytes(bytes_of(atlas)) != head.atlas_hash)
+  if (atlas.size != head.atlas_bytes || hash_bytes(atlas.view()) != head.atlas_hash)
     refuse(atlas_name, "belongs to another pair than " + path +
                            ", or is damaged: it does not have the length and the hash named there");
   decode_atlas(bytes_of(atlas), atlas_name, rbvh);
@@ -305,7 +304,7 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite) 
     const InputBytes written = read_input(atlas.temporary_path());
     check_written(bytes_of(written), atlas.path(), rbvh);
     bytes.atlas = written.size;
-    buffer = encode_hierarchy(rbvh, written.size, hash_bytes(bytes_of(written)), bytes.levels);
+    buffer = encode_hierarchy(rbvh, written.size, hash_bytes(written.view()), bytes.levels);
   }
   bytes.hierarchy = buffer.size();
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i)

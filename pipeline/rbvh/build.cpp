@@ -137,8 +137,12 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
     own.references.copy_from(partition.references, primitives.count);
     while (!leaves.empty()) {
       RasterConfig raster{.rho = rule.rho};
-      if (primitives.discs)
-        raster.layer_gap = std::max(raster.layer_gap, 4 * primitives.mean_radius * std::sqrt(rule.rho));
+      if (primitives.discs) {
+        // A cloud's noise is of the order of its spacing: closer than that, nothing is a layer or a step.
+        const float noise = 4 * primitives.mean_radius * std::sqrt(rule.rho);
+        raster.layer_gap = std::max(raster.layer_gap, noise);
+        raster.step_limit = std::max(raster.step_limit, noise);
+      }
       const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
       lap(time.rasterize);
       std::vector<SplitRequest> requests;

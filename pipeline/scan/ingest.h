@@ -20,13 +20,13 @@ struct Outliers {
 
 /// By default nothing is changed that can be seen.
 struct IngestConfig {
-  std::optional<Outliers> outliers;  ///< remove them
-  double voxel = 0;                  ///< > 0: thin a cloud to one point a voxel of this side, scan units
+  std::optional<Outliers> outliers = std::nullopt;  ///< remove them
+  double voxel = 0;            ///< > 0: thin a cloud to one point a voxel of this side, scan units
   double min_component = 0;    ///< > 0: remove components with less than this fraction of all faces (points)
   std::size_t normals_k = 16;  ///< neighbours from which a cloud's normals and radii are estimated
   bool recompute_normals = false;  ///< of a cloud, also where the file has them
   bool flip_normals = false;       ///< turn all normals, and the faces of a mesh, to the other side
-  std::optional<Vec3d> viewpoint;  ///< where the sensor stood, in the coordinates of the input
+  std::optional<Vec3d> viewpoint = std::nullopt;  ///< where the sensor stood, in the coordinates of the input
 };
 
 /// Counts of what was there, what went and what was added.

@@ -116,7 +116,7 @@ TEST(MergeScan, MeshesGetObjectsOfTheirOwn) {
   second.shift = {10, 0, 0};
   merge_scan(all, std::move(second));
   merge_scan(all, parse_scan(kPly, "a.ply"));
-  EXPECT_EQ(all.object_ids, (std::vector<std::int32_t>{0, 1, 4}));
+  EXPECT_EQ(all.object_ids, (std::vector<std::int32_t>{0, 1, 2}));
   EXPECT_EQ(all.triangles[1], (Triangle{3, 4, 5}));
   EXPECT_EQ(all.positions[3].x, 10);  // its shift is 10, the first one's 0
   EXPECT_EQ(all.colors[0], (Color8{255, 255, 255}));

@@ -1,0 +1,47 @@
+// What the fuzz targets of the scan readers share: whatever bytes come, a reader gives a consistent scan or
+// Error(kInput).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "pipeline/base/error.h"
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+inline bool is_consistent(const ScanAttributes& scan, std::size_t vertices) {
+  const auto fits = [&](std::size_t size) { return size == 0 || size == vertices; };
+  if (!fits(scan.normals.size()) || !fits(scan.radii.size()) || !fits(scan.colors.size())) return false;
+  for (const ScalarProperty& property : scan.properties)
+    if (property.values.size() != vertices) return false;
+  for (const Triangle& triangle : scan.triangles)
+    for (const std::uint32_t corner : triangle)
+      if (corner >= vertices) return false;
+  const std::size_t elements = scan.triangles.empty() ? vertices : scan.triangles.size();
+  return scan.object_ids.empty() || scan.object_ids.size() == elements;
+}
+
+/// Memory is bounded by the input: the densest are compressed PCD, up to 88 one-byte values from a byte, and
+/// lists of indices, a byte each.
+inline bool is_bounded(const ScanAttributes& scan, std::size_t vertices, std::size_t bytes) {
+  return vertices <= 88 * bytes && scan.triangles.size() <= bytes && scan.properties.size() <= bytes;
+}
+
+template <class Read>
+int check_reader(Read read, const char* name, const std::uint8_t* data, std::size_t size) {
+  try {
+    const RawScan scan = read(std::string_view(reinterpret_cast<const char*>(data), size), std::string(name));
+    const std::size_t vertices = scan.positions.size();
+    if (!is_consistent(scan, vertices) || !is_bounded(scan, vertices, size)) std::abort();
+  } catch (const Error& error) {
+    if (error.code() != ExitCode::kInput) std::abort();
+    if (std::string_view(error.what()).find('\n') != std::string_view::npos) std::abort();
+  }
+  return 0;
+}
+
+}  // namespace rbvh
