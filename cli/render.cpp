@@ -36,11 +36,14 @@ int parse_samples(std::string_view text) {
   return samples;
 }
 
+// What 8-bit formats would have to show.
+Image::Kind kind_of(Aov aov) {
+  return aov == Aov::kDepth || aov == Aov::kPosition ? Image::Kind::kData : Image::Kind::kColor;
+}
+
 // Everything about the names that can be wrong before a file is read.
 void check_names(const RenderOptions& options, const NameTemplate& names, std::size_t cameras) {
-  const ImageFormat format = image_format(names.text());
-  const bool needs_exr = options.aov == Aov::kDepth || options.aov == Aov::kPosition;
-  check_image_format(names.text(), format, needs_exr ? Image::Kind::kData : Image::Kind::kColor);
+  image_format(names.text(), kind_of(options.aov));
   const bool many_levels =
       options.levels.size() > 1 || (options.levels.size() == 1 && options.levels[0] == "all");
   const auto require = [&](bool many, const char* what, const char* field) {
@@ -105,9 +108,11 @@ class Renderer {
     const std::vector<std::string> levels = choose_levels(subject, options_.levels);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
-    for (const std::string& level : levels)
+    for (const std::string& level : levels) {
+      if (options_.aov == Aov::kLeaf) check_leaf_numbers(subject, level);
       for (std::size_t frame = 0; frame < cameras.size(); ++frame)
         check_output(output_name(subject, level, frame), context_.force);
+    }
     timings_.load += watch.lap();
     if (!device_) {
       device_ = Device::open(context_.device);
@@ -157,7 +162,8 @@ class Renderer {
         add(sum, shade(rays, hits, surface, static_cast<Vec3f>(up)), 1 / static_cast<float>(samples));
       } else {
         sum = options_.aov == Aov::kSteps ? steps_image(rays, steps) : data_image(options_.aov, rays, hits);
-        if (image_format(names_.text()) != ImageFormat::kExr) sum = shown_image(options_.aov, sum);
+        if (image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr)
+          sum = shown_image(options_.aov, sum);
       }
       timings_.shade += watch.lap();
     }
