@@ -47,7 +47,7 @@ std::size_t parse_neighbors(std::string_view text) {
 }
 
 // Most bytes held at once, as measured: while a mesh is cleaned, while a cloud has all its neighbours.
-constexpr std::uint64_t kBytesPerVertex = 64, kBytesPerFace = 32, kBytesPerPoint = 300;
+constexpr std::uint64_t kBytesPerVertex = 64, kBytesPerFace = 32, kBytesPerPoint = 600;
 
 void check_memory(const Context& context, const RawScan& scan, const std::string& input) {
   const std::uint64_t vertices = scan.positions.size();
