@@ -35,7 +35,7 @@ struct RasterConfig {
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.
-inline constexpr float kStepLimitTexels = 4;
+inline constexpr float kStepLimitTexels = 16;
 
 /// The paper's R = sqrt(rho A^2 / A_projected): the side of a square tile in texels. Folded noise is not
 /// allowed to inflate it without bound.
