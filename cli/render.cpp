@@ -41,6 +41,11 @@ Image::Kind kind_of(Aov aov) {
   return aov == Aov::kDepth || aov == Aov::kPosition ? Image::Kind::kData : Image::Kind::kColor;
 }
 
+[[noreturn]] void refuse_same_name(const std::string& file) {
+  throw Error(ExitCode::kUsage, file,
+              "another input has the same name without extension, so would its picture; render it by itself");
+}
+
 // Everything about the names that can be wrong before a file is read.
 void check_names(const RenderOptions& options, const NameTemplate& names, std::size_t cameras) {
   image_format(names.text(), kind_of(options.aov));
@@ -57,9 +62,8 @@ void check_names(const RenderOptions& options, const NameTemplate& names, std::s
   require(cameras > 1, "cameras", "frame");
   std::set<std::string> stems;
   for (const std::string& file : options.files)
-    if (!stems.insert(std::filesystem::path(file).stem().string()).second)
-      throw Error(ExitCode::kUsage, file,
-                  "another input has the same name without extension, so would its picture");
+    if (!stems.insert(std::filesystem::path(file).stem().string()).second && !names.has("level"))
+      refuse_same_name(file);
 }
 
 // Where in the pixel the ray of a sample passes: Hammersley's points; the centre for a single one.
@@ -110,8 +114,11 @@ class Renderer {
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
     for (const std::string& level : levels) {
       if (options_.aov == Aov::kLeaf) check_leaf_numbers(subject, level);
-      for (std::size_t frame = 0; frame < cameras.size(); ++frame)
-        check_output(output_name(subject, level, frame), context_.force);
+      for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
+        const std::string name = output_name(subject, level, frame);
+        if (!names_taken_.insert(name).second) refuse_same_name(path);
+        check_output(name, context_.force);
+      }
     }
     timings_.load += watch.lap();
     if (!device_) {
@@ -204,6 +211,7 @@ class Renderer {
   Context& context_;
   const RenderOptions& options_;
   NameTemplate names_;
+  std::set<std::string> names_taken_;
   std::vector<CameraWords> words_;
   std::optional<Device> device_;
   RenderTimings timings_;

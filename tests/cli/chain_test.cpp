@@ -63,6 +63,11 @@ TEST_F(Chain, APairIsBuiltAndRenderedAtEveryLevel) {
   const ToolRun wrong = tool("render ball.rbvh -o x.png --level Q7");
   EXPECT_EQ(wrong.code, 2);
   EXPECT_EQ(wrong.lines(), 1) << wrong.err;
+  good("render ball.rbvh ball.ply -o 'both-{name}-{level}.png' --resolution 16,16");
+  EXPECT_TRUE(exists("both-ball-Q0.png") && exists("both-ball-exact.png"));
+  std::filesystem::create_directory(path("x"));
+  std::filesystem::copy(path("ball.ply"), path("x/ball.ply"));
+  EXPECT_EQ(tool("render ball.ply x/ball.ply -o '{name}-{level}.png' --resolution 16,16").code, 2);
   good("render ball.ply -o exact.png --level Q7 --resolution 64,64");  // a scan has no levels
 }
 
