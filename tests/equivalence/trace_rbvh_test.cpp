@@ -6,8 +6,8 @@
 
 #include <cstring>
 
-#include "pipeline/rbvh/build.h"
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/build.h"
 #include "pipeline/render/camera.h"
 #include "tests/oracle.h"
 #include "tests/property.h"
