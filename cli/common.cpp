@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 
 #include "io/output_file.h"
 #include "pipeline/base/parallel_for.h"
@@ -51,19 +52,24 @@ bool use_color(const Context& context) {
   return !context.no_color && !(no_color && *no_color) && isatty(STDERR_FILENO);
 }
 
+std::uint64_t machine_memory() {
+  const long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGE_SIZE);
+  if (pages <= 0 || size <= 0) return std::numeric_limits<std::uint64_t>::max();
+  return static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(size);
+}
+
 void begin_stage(Context& context) {
   context.start = std::chrono::steady_clock::now();
   if (!context.log_path.empty()) open_log(context);
   if (!context.report_path.empty()) check_output(context.report_path, context.force);
-  if (context.threads > 0) {
-    set_thread_count(context.threads);
-    // PoCL reads this when its devices are first asked for.
-    setenv("POCL_MAX_PTHREAD_COUNT", std::to_string(context.threads).c_str(), 1);
-  }
+  if (context.threads > 0) set_thread_count(context.threads);  // PoCL's too: see list_devices()
   context.progress.start(context.quiet ? ProgressMode::kNone : context.progress_mode, context.stage,
                          use_color(context));
   set_compile_notice([&context](std::string_view line) {
     note(context, "rbvh " + context.stage + ": " + std::string(line));
+  });
+  set_build_log_sink([&context](std::string_view file, std::string_view log) {
+    detail(context, "rbvh " + context.stage + ": building " + std::string(file) + ": " + std::string(log));
   });
   context.report = {{"stage", context.stage}, {"version", RBVH_VERSION}};
 }
@@ -108,7 +114,7 @@ CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsi
       add_parsed(*stage, "--log", context.log_path, parse_output, "FILE", "append all messages, with times"));
   group(add_parsed(*stage, "--threads", context.threads, parse_positive, "N", "host threads (default: all)"));
   group(add_parsed(*stage, "--memory", context.memory_budget, parse_bytes, "SIZE",
-                   "give up (exit 5) rather than need more, e.g. 2G (default: no limit)"));
+                   "give up (exit 5) rather than need more, e.g. 2G (default: what the machine has)"));
   group(stage->add_flag("--no-color", context.no_color, "no colours on a terminal (as NO_COLOR)"));
   group(add_parsed(*stage, "--progress", context.progress_mode, parse_progress_mode, "HOW",
                    "auto, bar, plain, json or none"));
@@ -151,10 +157,12 @@ void print_error(Context& context, const std::string& line) {
 
 void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
                   const std::string& what) {
-  if (context.memory_budget == 0 || bytes <= context.memory_budget) return;
+  const bool is_given = context.memory_budget > 0;
+  const std::uint64_t most = is_given ? context.memory_budget : machine_memory();
+  if (bytes <= most) return;
   throw Error(ExitCode::kBudget, file,
-              what + " needs about " + format_bytes(bytes) + ", over the budget of " +
-                  format_bytes(context.memory_budget) + "; raise --memory or ask for less");
+              what + " needs about " + format_bytes(bytes) + ", over the " + format_bytes(most) +
+                  (is_given ? " of --memory; raise it or ask for less" : " of this machine; ask for less"));
 }
 
 std::string format_bytes(std::uint64_t bytes) {

@@ -44,7 +44,7 @@ struct Context {
   std::string log_path;
   std::string device;               ///< as Device::open() takes it
   int threads = 0;                  ///< 0: all
-  std::uint64_t memory_budget = 0;  ///< bytes; 0: none
+  std::uint64_t memory_budget = 0;  ///< bytes; 0: what the machine has
   bool no_color = false;
   ProgressMode progress_mode = ProgressMode::kAuto;
   std::string report_path;
@@ -102,7 +102,7 @@ void warn(Context& context, const std::string& line);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
 
-/// Throws Error(kBudget) when `bytes` for `what` is more than --memory.
+/// Throws Error(kBudget) when `bytes` for `what` is more than --memory, or than the machine has.
 void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
                   const std::string& what);
 

@@ -46,10 +46,24 @@ std::size_t parse_neighbors(std::string_view text) {
   return static_cast<std::size_t>(count);
 }
 
+// Most bytes held at once, as measured: while a mesh is cleaned, while a cloud has all its neighbours.
+constexpr std::uint64_t kBytesPerVertex = 64, kBytesPerFace = 32, kBytesPerPoint = 600;
+
+void check_memory(const Context& context, const RawScan& scan, const std::string& input) {
+  const std::uint64_t vertices = scan.positions.size();
+  check_budget(context,
+               scan.triangles.empty() ? vertices * kBytesPerPoint
+                                      : vertices * kBytesPerVertex + scan.triangles.size() * kBytesPerFace,
+               input, "cleaning it");
+}
+
 RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
   RawScan all;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     context.progress.update("read", static_cast<double>(i) / static_cast<double>(inputs.size()));
+    std::error_code no_size;
+    const std::uintmax_t size = std::filesystem::file_size(inputs[i], no_size);
+    if (!no_size) check_budget(context, size, inputs[i], "reading it");
     RawScan scan = read_scan(inputs[i]);
     for (const std::string& text : scan.notes) warn(context, inputs[i] + ": " + text);
     try {
@@ -57,6 +71,7 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
     } catch (const Error& error) {
       throw Error(error.code(), inputs[i], error.what());
     }
+    check_memory(context, all, inputs[i]);
   }
   return all;
 }

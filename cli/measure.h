@@ -22,8 +22,8 @@ struct MeasureConfig {
 struct LevelMeasure {
   std::string level;
   ViewsFidelity views;
-  ImageError image;                      ///< mean over the views
-  ImageError control;                    ///< the same between two exact pictures, one half a pixel aside
+  ImageError image;    ///< mean over the views
+  ImageError control;  ///< the same between two exact pictures, one with its rays a quarter pixel aside
   DistanceStatistics to_scan, to_level;  ///< from points on the level, from points on the scan; scan units
   double diagonal = 0;                   ///< of the scan, scan units
   double texel = 0;                      ///< mean side, scan units

@@ -36,11 +36,19 @@ int parse_samples(std::string_view text) {
   return samples;
 }
 
+// What 8-bit formats would have to show.
+Image::Kind kind_of(Aov aov) {
+  return aov == Aov::kDepth || aov == Aov::kPosition ? Image::Kind::kData : Image::Kind::kColor;
+}
+
+[[noreturn]] void refuse_same_name(const std::string& file) {
+  throw Error(ExitCode::kUsage, file,
+              "another input has the same name without extension, so would its picture; render it by itself");
+}
+
 // Everything about the names that can be wrong before a file is read.
 void check_names(const RenderOptions& options, const NameTemplate& names, std::size_t cameras) {
-  const ImageFormat format = image_format(names.text());
-  const bool needs_exr = options.aov == Aov::kDepth || options.aov == Aov::kPosition;
-  check_image_format(names.text(), format, needs_exr ? Image::Kind::kData : Image::Kind::kColor);
+  image_format(names.text(), kind_of(options.aov));
   const bool many_levels =
       options.levels.size() > 1 || (options.levels.size() == 1 && options.levels[0] == "all");
   const auto require = [&](bool many, const char* what, const char* field) {
@@ -54,9 +62,8 @@ void check_names(const RenderOptions& options, const NameTemplate& names, std::s
   require(cameras > 1, "cameras", "frame");
   std::set<std::string> stems;
   for (const std::string& file : options.files)
-    if (!stems.insert(std::filesystem::path(file).stem().string()).second)
-      throw Error(ExitCode::kUsage, file,
-                  "another input has the same name without extension, so would its picture");
+    if (!stems.insert(std::filesystem::path(file).stem().string()).second && !names.has("level"))
+      refuse_same_name(file);
 }
 
 // Where in the pixel the ray of a sample passes: Hammersley's points; the centre for a single one.
@@ -105,9 +112,14 @@ class Renderer {
     const std::vector<std::string> levels = choose_levels(subject, options_.levels);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
-    for (const std::string& level : levels)
-      for (std::size_t frame = 0; frame < cameras.size(); ++frame)
-        check_output(output_name(subject, level, frame), context_.force);
+    for (const std::string& level : levels) {
+      if (options_.aov == Aov::kLeaf) check_leaf_numbers(subject, level);
+      for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
+        const std::string name = output_name(subject, level, frame);
+        if (!names_taken_.insert(name).second) refuse_same_name(path);
+        check_output(name, context_.force);
+      }
+    }
     timings_.load += watch.lap();
     if (!device_) {
       device_ = Device::open(context_.device);
@@ -157,7 +169,8 @@ class Renderer {
         add(sum, shade(rays, hits, surface, static_cast<Vec3f>(up)), 1 / static_cast<float>(samples));
       } else {
         sum = options_.aov == Aov::kSteps ? steps_image(rays, steps) : data_image(options_.aov, rays, hits);
-        if (image_format(names_.text()) != ImageFormat::kExr) sum = shown_image(options_.aov, sum);
+        if (image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr)
+          sum = shown_image(options_.aov, sum);
       }
       timings_.shade += watch.lap();
     }
@@ -198,6 +211,7 @@ class Renderer {
   Context& context_;
   const RenderOptions& options_;
   NameTemplate names_;
+  std::set<std::string> names_taken_;
   std::vector<CameraWords> words_;
   std::optional<Device> device_;
   RenderTimings timings_;

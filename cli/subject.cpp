@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 constexpr std::uint64_t kScanBytesPerFileByte = 3;
 // An atlas is compressed on disk; a pair is checked, unpacked and laid out for the device.
 constexpr std::uint64_t kPairBytesPerFileByte = 6;
+constexpr std::uint64_t kMostNumbers = 1u << 24;
 constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
 
 std::uint64_t file_bytes(const std::string& path) {
@@ -94,6 +95,18 @@ std::vector<std::string> choose_levels(const Subject& subject, const std::vector
     }
   }
   return chosen;
+}
+
+void check_leaf_numbers(const Subject& subject, const std::string& level) {
+  std::uint64_t leaves = 0;
+  if (const Scan* scan = subject.scan())
+    leaves = scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
+  else
+    leaves = level_of(subject, level).leaves.size();
+  if (leaves > kMostNumbers)
+    throw Error(ExitCode::kInput, subject.path,
+                std::to_string(leaves) +
+                    " leaves or primitives are more than the 16777216 that a float32 can number");
 }
 
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level) {

@@ -42,6 +42,10 @@ Scan load_exact_scan(Context& context, const std::string& path);
 /// Throws Error(kUsage) for a level that is not there.
 std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted);
 
+/// Throws Error(kInput) where leaves or primitives are more than a float32 can number, as trace and `leaf`
+/// pictures do.
+void check_leaf_numbers(const Subject& subject, const std::string& level);
+
 using Caster = std::variant<RbvhTracer, ExactTracer>;
 
 /// `level` is one of choose_levels().

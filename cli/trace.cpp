@@ -14,7 +14,6 @@ namespace {
 constexpr std::size_t kRayColumns[] = {6, 8};
 constexpr std::size_t kHitColumns = 8;
 constexpr std::size_t kBatch = std::size_t{1} << 21;  // rays on the device at once
-constexpr std::uint64_t kMostLeaves = 1u << 24;       // float32 numbers no more
 // Squared lengths outside these would overflow or vanish in the kernels' own arithmetic.
 constexpr float kLeastSquare = 1e-20f, kMostSquare = 1e20f;
 
@@ -62,25 +61,13 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
   row[7] = found ? static_cast<float>(hit.flags) : 0;
 }
 
-void check_leaves(const Subject& subject, const std::string& level) {
-  std::uint64_t leaves = 0;
-  if (const Scan* scan = subject.scan())
-    leaves = scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
-  else
-    leaves = subject.rbvh()->find_level(level)->leaves.size();
-  if (leaves > kMostLeaves)
-    throw Error(ExitCode::kInput, subject.path,
-                std::to_string(leaves) +
-                    " leaves or primitives are more than the 16777216 that a float32 can number");
-}
-
 void run_trace(Context& context, const TraceOptions& options) {
   check_output(context.output, context.force);
   Stopwatch watch;
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
   const std::string level = choose_levels(subject, options.levels).front();
-  check_leaves(subject, level);
+  check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,
                "its rays and hits");
   const double load_seconds = watch.lap();

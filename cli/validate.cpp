@@ -138,7 +138,7 @@ std::string fidelity_text(const Json& list) {
       {"normal angle: median, degrees", "/normal_degrees/median", "{:.2f}"},
       {"  p95", "/normal_degrees/p95", "{:.2f}"},
       {"image RMSE", "/image/rmse", "{:.4f}"},
-      {"  of exact, half a pixel aside", "/image_control/rmse", "{:.4f}"},
+      {"  control: exact, jittered", "/image_control/rmse", "{:.4f}"},
       {"image PSNR, dB", "/image/psnr", "{:.1f}"},
       {"  control", "/image_control/psnr", "{:.1f}"},
       {"image SSIM", "/image/ssim", "{:.4f}"},

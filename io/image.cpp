@@ -41,27 +41,33 @@ std::vector<std::uint8_t> to_bytes(const Image& image, std::size_t channels) {
   return bytes;
 }
 
-}  // namespace
-
-ImageFormat image_format(const std::string& path) {
-  if (path == "-") return ImageFormat::kPng;
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  if (extension == ".png") return ImageFormat::kPng;
-  if (extension == ".jpg" || extension == ".jpeg") return ImageFormat::kJpeg;
-  if (extension == ".exr") return ImageFormat::kExr;
-  throw Error(ExitCode::kUsage, path, "images are written as .png, .jpg, .jpeg or .exr; choose one of these");
+bool is_stream(const std::string& path) {
+  if (path == "-") return true;
+  std::error_code code;
+  const std::filesystem::file_status status = std::filesystem::status(path, code);
+  return std::filesystem::is_character_file(status) || std::filesystem::is_fifo(status) ||
+         std::filesystem::is_socket(status);
 }
 
-void check_image_format(const std::string& path, ImageFormat format, Image::Kind kind) {
-  if (kind == Image::Kind::kData && format != ImageFormat::kExr)
+}  // namespace
+
+ImageFormat image_format(const std::string& path, Image::Kind kind) {
+  const bool is_data = kind == Image::Kind::kData;
+  if (is_stream(path)) return is_data ? ImageFormat::kExr : ImageFormat::kPng;
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (extension == ".exr") return ImageFormat::kExr;
+  if (extension != ".png" && extension != ".jpg" && extension != ".jpeg")
+    throw Error(ExitCode::kUsage, path,
+                "images are written as .png, .jpg, .jpeg or .exr; choose one of these");
+  if (is_data)
     throw Error(ExitCode::kUsage, path,
                 "only .exr holds these values unchanged; give a name that ends in .exr");
+  return extension == ".png" ? ImageFormat::kPng : ImageFormat::kJpeg;
 }
 
 void write_image(const std::string& path, const Image& image, bool overwrite) {
-  const ImageFormat format = image_format(path);
-  check_image_format(path, format, image.kind);
+  const ImageFormat format = image_format(path, image.kind);
   OutputFile file(path, overwrite);
   const auto fail = [&](const std::string& why) {
     throw Error(ExitCode::kFailure, path, "the image cannot be written: " + why);

@@ -1,5 +1,5 @@
-// The two kinds of error: Error for bad input, device or environment (thrown where the fact is known, caught once
-// in main), and RBVH_CHECK for a bug of our own.
+// The two kinds of error: Error for bad input, device or environment (thrown where the fact is known, caught
+// once in main), and RBVH_CHECK for a bug of our own.
 #pragma once
 
 #include <stdexcept>
@@ -10,17 +10,17 @@ namespace rbvh {
 /// Process exit codes of the command line.
 enum class ExitCode : int {
   kOk = 0,
-  kFailure = 1,   ///< an output that cannot be written, a full disk
-  kUsage = 2,     ///< wrong words on the command line
-  kInput = 3,     ///< input missing, cut, malformed, unsupported
-  kBatch = 4,     ///< part of a batch failed
-  kBudget = 5,    ///< over a memory or error budget
-  kDevice = 6,    ///< no usable OpenCL device
+  kFailure = 1,  ///< an output that cannot be written, a full disk
+  kUsage = 2,    ///< wrong words on the command line
+  kInput = 3,    ///< input missing, cut, malformed, unsupported
+  kBatch = 4,    ///< part of a batch failed
+  kBudget = 5,   ///< over a memory or error budget
+  kDevice = 6,   ///< no usable OpenCL device
   kInterrupted = 130,
 };
 
-/// One line: what is wrong, where (byte, line, element), what to do. `file` may be empty. The stage's name is put in
-/// front by main.
+/// One line: what is wrong, where (byte, line, element), what to do. `file` may be empty. The stage's name is
+/// put in front by main.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode code, const std::string& file, const std::string& what)

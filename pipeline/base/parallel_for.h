@@ -1,5 +1,6 @@
-// Runs body(begin, end) over disjoint pieces of [0, count) on host threads. The pieces depend on `count` and `grain`
-// alone, so results cannot depend on the number of threads as long as the body writes only what belongs to its piece.
+// Runs body(begin, end) over disjoint pieces of [0, count) on host threads. The pieces depend on `count` and
+// `grain` alone, so results cannot depend on the number of threads as long as the body writes only what
+// belongs to its piece.
 #pragma once
 
 #include <cstddef>

@@ -7,8 +7,8 @@
 
 namespace rbvh {
 
-/// Called with a phase's name and the fraction done in [0, 1]. May throw Error(kInterrupted) to stop the work.
-/// An empty function is fine: use report().
+/// Called with a phase's name and the fraction done in [0, 1]. May throw Error(kInterrupted) to stop the
+/// work. An empty function is fine: use report().
 using Progress = std::function<void(std::string_view phase, double fraction)>;
 
 inline void report(const Progress& progress, std::string_view phase, double fraction) {

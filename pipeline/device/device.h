@@ -88,7 +88,8 @@ class Device {
 
   const DeviceInfo& info() const;
 
-  /// The same device, context and queue, but calling itself a GPU: runs the code meant for one where there is none.
+  /// The same device, context and queue, but calling itself a GPU: runs the code meant for one where there is
+  /// none.
   Device as_gpu() const;
 
   /// The entry point `entry` of kernels/<file>.cl, built once per distinct `options` (further -D words).

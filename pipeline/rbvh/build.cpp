@@ -138,8 +138,8 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
     while (!leaves.empty()) {
       RasterConfig raster{.rho = rule.rho};
       if (primitives.discs) {
-        // A cloud's noise is of the order of its spacing: closer than that, nothing is a layer or a step.
-        const float noise = 4 * primitives.mean_radius * std::sqrt(rule.rho);
+        // A cloud's noise is of the order of its discs: closer than that, nothing is a layer or a step.
+        const float noise = primitives.mean_radius * std::sqrt(rule.rho);
         raster.layer_gap = std::max(raster.layer_gap, noise);
         raster.step_limit = std::max(raster.step_limit, noise);
       }

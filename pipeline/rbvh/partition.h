@@ -40,11 +40,12 @@ struct Partition {
 void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
                  std::uint32_t run_length);
 
-/// With `cones`, this node and all that come of it know their cone of normals: one more pass over the primitives.
+/// With `cones`, this node and all that come of it know their cone of normals: one more pass over the
+/// primitives.
 Partition make_root(const Primitives& primitives, bool cones);
 
-/// Splits the given nodes at the spatial median, then their children as long as `wants_split` says so. A node of one
-/// primitive is never split.
+/// Splits the given nodes at the spatial median, then their children as long as `wants_split` says so. A node
+/// of one primitive is never split.
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
 
@@ -56,6 +57,7 @@ struct SplitRequest {
 };
 
 /// Splits each node once, also nodes that have children: those are forgotten.
-void split_once(Partition& partition, const Primitives& primitives, const std::vector<SplitRequest>& requests);
+void split_once(Partition& partition, const Primitives& primitives,
+                const std::vector<SplitRequest>& requests);
 
 }  // namespace rbvh

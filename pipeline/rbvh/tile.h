@@ -29,13 +29,13 @@ struct TileTexels {
 
 struct RasterConfig {
   float rho = 0;         ///< texels per unit of area, scan units: the paper's rho / total area
-  float reach = 1.4f;     ///< texels that a tile reaches past its primitives
+  float reach = 1.4f;    ///< texels that a tile reaches past its primitives
   float layer_gap = 2;   ///< two coverings of a texel further apart (texels) are two layers
   float step_limit = 3;  ///< neighbours further apart in height (texels) than this are worth a split
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.
-inline constexpr float kStepLimitTexels = 4;
+inline constexpr float kStepLimitTexels = 16;
 
 /// The paper's R = sqrt(rho A^2 / A_projected): the side of a square tile in texels. Folded noise is not
 /// allowed to inflate it without bound.

@@ -15,7 +15,7 @@ struct SweepSplit {
 };
 
 SweepSplit best_split(const std::vector<Bounds3f>& boxes, std::vector<std::uint32_t>& items,
-                 std::vector<float>& costs) {
+                      std::vector<float>& costs) {
   const std::size_t n = items.size();
   SweepSplit best{0, n / 2};
   float best_cost = std::numeric_limits<float>::max();

@@ -8,25 +8,23 @@
 #include "pipeline/scan/outliers.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/thin.h"
+#include "pipeline/scan/vertex_normals.h"
 
 namespace rbvh {
 namespace {
 
-/// Vertices of a mesh without a normal, after a merge with one that has them, get that of their faces, by
-/// area.
+/// Makes a mesh's normals unit. Vertices without one, after a merge with a mesh that has them, get that of
+/// their faces. Returns how many did.
 std::size_t complete_mesh_normals(Scan& scan) {
   if (scan.normals.empty()) return 0;
-  std::vector<Vec3f> sums(scan.positions.size());
-  for (const Triangle& t : scan.triangles) {
-    const Vec3f n =
-        cross(scan.positions[t[1]] - scan.positions[t[0]], scan.positions[t[2]] - scan.positions[t[0]]);
-    for (const std::uint32_t corner : t) sums[corner] = sums[corner] + n;
-  }
+  const std::vector<Vec3f> smooth = vertex_normals(scan);
   std::size_t completed = 0;
-  for (std::size_t i = 0; i < sums.size(); ++i) {
-    if (is_direction(scan.normals[i])) continue;
-    scan.normals[i] = normalized(sums[i]);
-    ++completed;
+  for (std::size_t i = 0; i < smooth.size(); ++i) {
+    Vec3f& normal = scan.normals[i];
+    const bool given = is_direction(normal);
+    completed += !given;
+    if (!given) normal = smooth[i];
+    if (std::abs(dot(normal, normal) - 1) > 1e-5f) normal = normalized(normal);
   }
   return completed;
 }

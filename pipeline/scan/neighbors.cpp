@@ -15,12 +15,19 @@ namespace rbvh {
 namespace {
 
 /// Neighbours whose middle variance is less than this part of the largest lie along a line.
-constexpr double kLine = 1.0 / 32;
+constexpr double kLine = 1.0 / 8;
+/// Neighbours whose least variance is more than this part of the sum fill a volume.
+constexpr double kVolume = 0.15;
 /// How many times more are looked at then.
 constexpr std::size_t kWidest = 4;
 constexpr std::size_t kGrain = 4096;
 
 using Tree = flann::KDTreeSingleIndex<flann::L2_3D<float>>;
+
+bool spans_surface(const PrincipalComponents& shape) {
+  const auto [least, middle, largest] = shape.variances;
+  return middle >= kLine * largest && least <= kVolume * (least + middle + largest);
+}
 
 /// The `k` nearest to point `self`, without itself.
 void nearest(const Tree& tree, std::span<const Vec3f> points, std::size_t self, std::size_t k,
@@ -67,7 +74,7 @@ Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Pro
         nearest(tree, points, i, wanted, indices, distances, others);
         if (wanted >= kWidest * k || wanted == points.size() - 1) break;
         const PrincipalComponents shape = principal_components(points, i, others);
-        if (shape.variances[1] >= kLine * shape.variances[2]) break;
+        if (spans_surface(shape)) break;
       }
       mine.insert(mine.end(), others.begin(), others.end());
       neighbors.offsets[i + 1] = others.size();

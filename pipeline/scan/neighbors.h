@@ -23,10 +23,11 @@ struct Neighbors {
   }
 };
 
-/// The k nearest of each point (all others, where there are fewer). Where those lie along a line, as scanners
-/// that sample one direction far denser than the other leave them, twice or four times as many, so that they
-/// span a surface. Only every `step`-th point is asked; the others get none. All positions must be finite.
-/// About 64 + 4 k bytes a point. The same for any number of threads.
+/// The k nearest of each point (all others, where there are fewer). Where those lie along a line or fill a
+/// volume, twice or four times as many, so that they span a surface: scanners sample one direction far denser
+/// than the other, quantise depth into layers, and see into trees. Only every `step`-th point is asked; the
+/// others get none. All positions must be finite. Up to 16 k bytes a point. The same for any number of
+/// threads.
 Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Progress& progress = {},
                          std::size_t step = 1);
 

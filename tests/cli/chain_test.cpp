@@ -63,6 +63,11 @@ TEST_F(Chain, APairIsBuiltAndRenderedAtEveryLevel) {
   const ToolRun wrong = tool("render ball.rbvh -o x.png --level Q7");
   EXPECT_EQ(wrong.code, 2);
   EXPECT_EQ(wrong.lines(), 1) << wrong.err;
+  good("render ball.rbvh ball.ply -o 'both-{name}-{level}.png' --resolution 16,16");
+  EXPECT_TRUE(exists("both-ball-Q0.png") && exists("both-ball-exact.png"));
+  std::filesystem::create_directory(path("x"));
+  std::filesystem::copy(path("ball.ply"), path("x/ball.ply"));
+  EXPECT_EQ(tool("render ball.ply x/ball.ply -o '{name}-{level}.png' --resolution 16,16").code, 2);
   good("render ball.ply -o exact.png --level Q7 --resolution 64,64");  // a scan has no levels
 }
 
@@ -244,7 +249,15 @@ TEST_F(Chain, StandardStreamsWork) {
   EXPECT_EQ(shell("cat ball.ply | '" RBVH_TOOL "' render - -o - --resolution 16,16 -q > piped.png").code, 0);
   good("render ball.ply -o named.png --resolution 16,16");
   EXPECT_EQ(read("piped.png"), read("named.png"));
-  EXPECT_EQ(tool("render ball.ply -o /dev/full --resolution 16,16").code, 2) << "no picture's name";
+  for (const char* words :
+       {"render ball.ply --resolution 16,16", "render ball.ply --aov depth --resolution 16,16",
+        "build ball.ply", "render ball.ply -o a.png --resolution 16,16 -f --report"}) {
+    const ToolRun run =
+        tool(std::string(words) + (std::string(words).ends_with("report") ? " " : " -o ") + "/dev/full -q");
+    EXPECT_EQ(run.code, 1) << words << run.err;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+  }
+  EXPECT_EQ(tool("build ball.ply -o - -q").code, 2) << "a pair is two files";
   const ToolRun full = shell("'" RBVH_TOOL "' render ball.ply -o - --resolution 16,16 -q > /dev/full");
   EXPECT_EQ(full.code, 1);
 }
@@ -271,6 +284,14 @@ TEST_F(Chain, ProgressReportsAndLogsAreAsAskedFor) {
   EXPECT_GT(report["timings"]["total"], 0);
   EXPECT_EQ(tool("build ball.ply -o b.rbvh --report build.json").code, 1) << "the report is there already";
   EXPECT_FALSE(exists("b.rbvh"));
+}
+
+TEST_F(Chain, AnInterruptLeavesNothing) {
+  const ToolRun run =
+      shell("timeout --preserve-status -s INT 2 '" RBVH_TOOL
+            "' render ball.ply -o '{frame}.png' --turntable 500 --samples 256 --resolution 2000,2000");
+  EXPECT_EQ(run.code, 130) << run.err;
+  EXPECT_EQ(files().find("tmp"), std::string::npos) << files();
 }
 
 TEST_F(Chain, ARawCloudIsSeenWithoutIngest) {

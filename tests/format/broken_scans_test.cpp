@@ -29,8 +29,10 @@ std::string content(const fs::path& path) {
 
 std::vector<fs::path> corpus() {
   std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(RBVH_DATA "/broken"))
-    if (entry.path().has_extension()) files.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(RBVH_DATA "/broken")) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("bad_") || name.starts_with("ok_")) files.push_back(entry.path());
+  }
   std::sort(files.begin(), files.end());
   return files;
 }

@@ -99,6 +99,9 @@ TEST_F(ImageFile, RefusesUnknownFormatsAndDataInEightBits) {
   const Image depth = make_image(Image::Kind::kData, 2, 2, {"Z"});
   EXPECT_EQ(code_of([&] { write_image(path("a.png"), depth, false); }), ExitCode::kUsage);
   EXPECT_TRUE(fs::is_empty(folder_));
+  EXPECT_EQ(image_format("-", Image::Kind::kColor), ImageFormat::kPng);
+  EXPECT_EQ(image_format("/dev/null", Image::Kind::kData), ImageFormat::kExr);
+  EXPECT_EQ(image_format("A.JPeG", Image::Kind::kColor), ImageFormat::kJpeg);
 }
 
 TEST_F(ImageFile, FailsWholeOrNotAtAll) {

@@ -1,0 +1,293 @@
+// The RBVH against brute force over the triangles it was built from, ray by ray, and its kernels against each
+// other.
+#include "pipeline/rbvh/trace_rbvh.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/build.h"
+#include "pipeline/render/camera.h"
+#include "tests/oracle.h"
+#include "tests/property.h"
+#include "tests/shapes.h"
+
+namespace rbvh {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+Rbvh build(const Scan& scan, std::vector<LevelConfig> levels,
+           Refinement refinement = Refinement::kProjectedArea) {
+  return build_rbvh(Device::open(), scan, BuildConfig{.levels = std::move(levels), .refinement = refinement});
+}
+
+std::vector<Hit> trace(const Level& level, const std::vector<Ray>& rays,
+                       RayQuery query = RayQuery::kNearest) {
+  const Device device = Device::open();
+  const RbvhTracer tracer = make_rbvh_tracer(device, level);
+  const Buffer<Hit> hits(device, rays.size());
+  trace_rays(tracer, Buffer<Ray>(device, rays), hits, rays.size(), query);
+  return hits.read();
+}
+
+Ray ray(Vec3f o, Vec3f d, float tmin = 0, float tmax = kInfinity) {
+  return {{o.x, o.y, o.z}, tmin, {d.x, d.y, d.z}, tmax};
+}
+
+struct Exact {
+  double t = std::numeric_limits<double>::infinity();
+  double inside = -1;  ///< least barycentric coordinate of the hit triangle
+  double slope = 0;    ///< |cosine| between ray and surface
+};
+
+Exact brute_force(const Scan& scan, const Ray& r) {
+  const auto point = [](Vec3f p) { return oracle::Point{p.x, p.y, p.z}; };
+  const oracle::Point o{r.origin[0], r.origin[1], r.origin[2]},
+      d{r.direction[0], r.direction[1], r.direction[2]};
+  Exact best;
+  for (const Triangle& t : scan.triangles) {
+    const oracle::Meeting m = oracle::meet_triangle(point(scan.positions[t[0]]), point(scan.positions[t[1]]),
+                                                    point(scan.positions[t[2]]), o, d);
+    if (!m.crosses || m.inside < 0 || m.t <= r.tmin || m.t >= best.t) continue;
+    best = {m.t, m.inside, std::abs(oracle::dot(m.normal, d)) / std::sqrt(oracle::dot(d, d))};
+  }
+  return best;
+}
+
+std::vector<Ray> rays_at_sphere(std::size_t count, std::uint64_t seed, bool from_inside) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<float> normal;
+  const auto direction = [&] { return normalized(Vec3f{normal(random), normal(random), normal(random)}); };
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3f target = direction() * 0.9f;
+    const Vec3f from = from_inside ? direction() * 0.3f : direction() * 3.0f;
+    rays.push_back(ray(from, target - from));
+  }
+  return rays;
+}
+
+TEST(TraceRbvh, FollowsABumpySphereFromOutsideAndInside) {
+  const Scan scan = bumpy_sphere(60);
+  const Level level = build(scan, {{"Q", 3e5f, 0.85f, 45}}).levels[0];
+  for (const bool from_inside : {false, true}) {
+    const std::vector<Ray> rays = rays_at_sphere(1500, property_seed(), from_inside);
+    const std::vector<Hit> hits = trace(level, rays);
+    std::vector<double> errors;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Exact exact = brute_force(scan, rays[i]);
+      // Rays that graze the sphere may rightly miss a surface that is a texel's error off.
+      if (!std::isfinite(exact.t) || exact.slope < 0.1) continue;
+      ASSERT_TRUE(std::isfinite(hits[i].t)) << "ray " << i;
+      errors.push_back(std::abs(hits[i].t - exact.t) * exact.slope);
+      EXPECT_EQ((hits[i].flags & RBVH_HIT_BACK_FACE) != 0, from_inside) << "ray " << i;
+      EXPECT_EQ(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
+      EXPECT_LT(hits[i].leaf, level.leaves.size());
+      EXPECT_NEAR(hits[i].normal[0] * hits[i].normal[0] + hits[i].normal[1] * hits[i].normal[1] +
+                      hits[i].normal[2] * hits[i].normal[2],
+                  1, 1e-5);
+    }
+    ASSERT_GT(errors.size(), 1000u);
+    std::sort(errors.begin(), errors.end());
+    EXPECT_LT(errors[errors.size() / 2], 2e-4);  // a texel is 7e-3
+    EXPECT_LT(errors.back(), 1.5e-2);
+  }
+}
+
+TEST(TraceRbvh, PacketsAndSingleRaysAgree) {
+  const Level level = build(bumpy_sphere(100), {{"Q", 1e6f, 0.85f, 45}}).levels[0];
+  const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
+  const CameraRays camera =
+      camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 203, 101);  // no multiple of 4
+  std::vector<Ray> rays;
+  for (std::uint32_t y = 0; y < camera.height; ++y)
+    for (std::uint32_t x = 0; x < camera.width; ++x)
+      rays.push_back(
+          ray({camera.position[0], camera.position[1], camera.position[2]}, pixel_direction(camera, x, y)));
+  const std::vector<Hit> single = trace(level, rays);
+  const Device device = Device::open();
+  const Buffer<Hit> hits(device, rays.size());
+  trace_camera(make_rbvh_tracer(device, level), camera, hits);
+  const std::vector<Hit> packets = hits.read();
+  std::size_t hit_count = 0, differ = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    hit_count += std::isfinite(single[i].t);
+    if (std::isfinite(single[i].t) != std::isfinite(packets[i].t) ||
+        (std::isfinite(single[i].t) && std::abs(single[i].t - packets[i].t) > 1e-4f * single[i].t))
+      ++differ;
+  }
+  EXPECT_GT(hit_count, rays.size() / 10);
+  EXPECT_LE(differ, rays.size() / 5000);  // rounding at silhouettes
+}
+
+TEST(TraceRbvh, AnyHitAgreesAndIntervalsAreKept) {
+  const Level level = build(bumpy_sphere(40), {{"Q", 1e5f, 0.85f, 45}}).levels[0];
+  const std::vector<Ray> rays = rays_at_sphere(2000, property_seed(), false);
+  const std::vector<Hit> nearest = trace(level, rays), any = trace(level, rays, RayQuery::kAny);
+  std::vector<Ray> shorter = rays, later = rays;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    EXPECT_EQ(std::isfinite(nearest[i].t), std::isfinite(any[i].t)) << i;
+    shorter[i].tmax = 0.99f * nearest[i].t;
+    later[i].tmin = 1.01f * nearest[i].t;
+  }
+  const std::vector<Hit> before = trace(level, shorter), behind = trace(level, later);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!std::isfinite(nearest[i].t)) continue;
+    EXPECT_FALSE(std::isfinite(before[i].t)) << i;
+    EXPECT_GT(behind[i].t, nearest[i].t) << i;
+  }
+}
+
+TEST(TraceRbvh, HitsPlatesSquarelyAndUnevenRaysMiss) {
+  Scan scan;
+  add_plate(scan, 8, 0.25f);
+  const Level level = build(scan, {{"Q", 1e4f, 0.85f, 45}}).levels[0];
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const std::vector<Hit> hits = trace(
+      level,
+      {ray({0.1f, 0.2f, 2}, {0, 0, -1}), ray({0.1f, 0.2f, -2}, {0, 0, 4}), ray({0.1f, 0.2f, 2}, {0, 0, 1}),
+       ray({0.1f, 0.2f, 2}, {0, 0, 0}), ray({nan, 0, 2}, {0, 0, -1}), ray({0, 0, 2}, {0, nan, -1}),
+       ray({-2, 0, 0.25f}, {1, 0, 0}), ray({-0.5f, -0.5f, 2}, {0, 0, -1}), ray({0.51f, 0, 2}, {0, 0, -1}),
+       ray({0.1f, 0.2f, 2}, {0, 0, -1e-12f}), ray({0.1f, 0.2f, 2}, {0, 0, -1e12f})});
+  EXPECT_NEAR(hits[0].t, 1.75f, 1e-5f);
+  EXPECT_EQ(hits[0].normal[2], 1.0f);
+  EXPECT_NEAR(hits[1].t, 0.5625f, 1e-5f);
+  EXPECT_EQ(hits[1].flags, RBVH_HIT_BACK_FACE);
+  for (const std::size_t miss : {2u, 3u, 4u, 5u, 8u}) EXPECT_FALSE(std::isfinite(hits[miss].t)) << miss;
+  EXPECT_NEAR(hits[7].t, 1.75f, 1e-5f);  // the corner itself
+  EXPECT_NEAR(hits[9].t, 1.75e12f, 1e7f);
+  EXPECT_NEAR(hits[10].t, 1.75e-12f, 1e-17f);
+}
+
+TEST(TraceRbvh, EmptyBatchesAreFine) {
+  const Level level = build(bumpy_sphere(8), {{"Q", 1e4f, 0.85f, 45}}).levels[0];
+  EXPECT_TRUE(trace(level, {}).empty());
+}
+
+// The four faults that the first prototype ran into.
+
+TEST(Faults, NoPrimitiveIsReferencedTwice) {
+  const Scan scan = bumpy_sphere(80);
+  for (const Level& level : build(scan, standard_levels()).levels) {
+    std::uint64_t references = 0;
+    for (const RbvhLeaf& leaf : level.leaves) references += leaf.primitives;
+    EXPECT_EQ(references, scan.triangles.size()) << level.name;
+  }
+}
+
+TEST(Faults, NoiseDoesNotSplitForEver) {
+  std::mt19937_64 random(7);
+  std::normal_distribution<float> noise;
+  Scan scan;
+  add_sheet(scan, 150, [&](float s, float t) {
+    return Vec3f{s + 0.01f * noise(random), t + 0.01f * noise(random), 0.01f * noise(random)};
+  });
+  const Level level = build(scan, {{"Q", 32e3f, 0.65f, 65}}).levels[0];
+  EXPECT_LT(level.leaves.size(), scan.triangles.size() / 3);
+  EXPECT_LT(level.layers[0].texels.size(), 500'000u);
+}
+
+TEST(Faults, NoWallStandsInAStep) {
+  // Two plates side by side, one higher; rays between their heights, along the gap's edge, must pass.
+  Scan scan;
+  add_sheet(scan, 20, [](float s, float t) { return Vec3f{s, t, 0}; });
+  add_sheet(scan, 20, [](float s, float t) { return Vec3f{s + 1, t, 0.6f}; });
+  const Level level = build(scan, {{"Q", 2e4f, 0.65f, 65}}).levels[0];
+  std::vector<Ray> through, onto;
+  for (int i = 0; i < 50; ++i) {
+    const float z = 0.1f + 0.4f * static_cast<float>(i) / 49;
+    through.push_back(ray({-1, 0.37f, z}, {1, 0.01f, 0}));
+    onto.push_back(ray({0.02f + 1.96f * static_cast<float>(i) / 49, 0.5f, 3}, {0, 0, -1}));
+  }
+  for (const Hit& hit : trace(level, through)) EXPECT_FALSE(std::isfinite(hit.t));
+  for (const Hit& hit : trace(level, onto)) EXPECT_TRUE(std::isfinite(hit.t));
+}
+
+TEST(Faults, TheLowerOfTwoLayersIsKept) {
+  Scan scan;
+  add_plate(scan, 20, 0);
+  add_plate(scan, 20, 0.2f);
+  const Level level = build(scan, {{"Q", 2e4f, 0.65f, 65}}).levels[0];
+  std::vector<Ray> down, up;
+  for (int i = 0; i < 100; ++i) {
+    const float x = -0.45f + 0.1f * static_cast<float>(i % 10),
+                y = -0.45f + 0.1f * static_cast<float>(i / 10);
+    down.push_back(ray({x, y, 1}, {0, 0, -1}));
+    up.push_back(ray({x, y, -1}, {0, 0, 1}));
+  }
+  for (const Hit& hit : trace(level, down)) EXPECT_NEAR(hit.t, 0.8f, 1e-3f);
+  for (const Hit& hit : trace(level, up)) EXPECT_NEAR(hit.t, 1.0f, 1e-3f);
+}
+
+TEST(Faults, BothSidesOfAThinSheetAreKept) {
+  Scan scan;
+  add_plate(scan, 20, 0, false);
+  add_plate(scan, 20, 0.004f, true);
+  const Level level = build(scan, {{"Q", 2e4f, 0.65f, 65}}).levels[0];
+  for (const Hit& hit : trace(level, {ray({0.1f, 0.1f, 1}, {0, 0, -1}), ray({0.1f, 0.1f, -1}, {0, 0, 1})})) {
+    EXPECT_TRUE(std::isfinite(hit.t));
+    EXPECT_EQ(hit.flags, 0u) << "its outside was not hit first";
+  }
+}
+
+// What a build promises.
+
+bool same(const Level& a, const Level& b) {
+  const auto bytes = [](const auto& x, const auto& y) {
+    return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
+  };
+  if (!bytes(a.nodes, b.nodes) || !bytes(a.leaves, b.leaves) || a.layers.size() != b.layers.size())
+    return false;
+  for (std::size_t i = 0; i < a.layers.size(); ++i)
+    if (!bytes(a.layers[i].texels, b.layers[i].texels)) return false;
+  return true;
+}
+
+TEST(Build, GivesTheSameBytesAgainAndEachLevelAlone) {
+  const Scan scan = bumpy_sphere(90);
+  const Rbvh first = build(scan, standard_levels()), second = build(scan, standard_levels());
+  for (std::size_t i = 0; i < first.levels.size(); ++i) {
+    EXPECT_TRUE(same(first.levels[i], second.levels[i])) << i;
+    EXPECT_TRUE(same(first.levels[i], build(scan, {standard_levels()[i]}).levels[0])) << i;
+  }
+}
+
+TEST(Build, LevelsShrinkAndTheConeIsNarrower) {
+  const Scan scan = bumpy_sphere(200, 0.1f);
+  const Rbvh rbvh = build(scan, standard_levels());
+  for (std::size_t i = 1; i < rbvh.levels.size(); ++i) {
+    EXPECT_LT(rbvh.levels[i].texels_used, rbvh.levels[i - 1].texels_used);
+    EXPECT_LE(rbvh.levels[i].leaves.size(), rbvh.levels[i - 1].leaves.size());
+  }
+  const Rbvh cone = build(scan, {standard_levels()[4]}, Refinement::kConeOfNormals);
+  EXPECT_NE(cone.levels[0].leaves.size(), rbvh.levels[4].leaves.size());
+}
+
+TEST(Build, OneTriangleIsEnoughAndNoAreaIsRefused) {
+  Scan one;
+  one.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  one.triangles = {{0, 1, 2}};
+  const Level level = build(one, {standard_levels()[4]}).levels[0];
+  EXPECT_TRUE(std::isfinite(trace(level, {ray({0.2f, 0.2f, 1}, {0, 0, -1})})[0].t));
+  Scan line = one;
+  line.positions[2] = {2, 0, 0};
+  EXPECT_THROW(build(line, {standard_levels()[4]}), Error);
+}
+
+TEST(Build, CarriesNormalsAndColours) {
+  Scan scan;
+  add_plate(scan, 10, 0);
+  scan.colors.assign(scan.positions.size(), {255, 0, 0});
+  const Level level = build(scan, {{"Q", 1e3f, 0.85f, 45}}).levels[0];
+  ASSERT_EQ(level.layers.size(), 3u);
+  for (std::size_t i = 0; i < level.layers[0].texels.size(); ++i) {
+    if (level.layers[0].texels[i] == 0) continue;
+    EXPECT_EQ(level.layers[1].texels[i], 0x8080u);  // octahedral (0, 0): up
+    EXPECT_EQ(level.layers[2].texels[i], 0xf800u);
+  }
+}
+
+}  // namespace
+}  // namespace rbvh

@@ -1,0 +1,111 @@
+#include "pipeline/rbvh/top_tree.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <limits>
+
+#include "pipeline/rbvh/wide_nodes.h"
+#include "tests/property.h"
+
+namespace rbvh {
+namespace {
+
+std::vector<Bounds3f> random_boxes(std::size_t count, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<float> at(-1, 1), size(0, 0.1f);
+  std::vector<Bounds3f> boxes(count);
+  for (Bounds3f& b : boxes) {
+    const Vec3f p{at(random), at(random), at(random)};
+    b = {p, p + Vec3f{size(random), size(random), size(random)}};
+  }
+  return boxes;
+}
+
+bool contains(const RbvhNode& outer, const Bounds3f& inner) {
+  bool all = true;
+  for (int k = 0; k < 3; ++k) all = all && outer.lo[k] <= inner.lo[k] && inner.hi[k] <= outer.hi[k];
+  return all;
+}
+
+/// Every box is in exactly one leaf, inside all nodes above it; no node is deeper than allowed.
+void check_tree(const std::vector<Bounds3f>& boxes) {
+  const TopTree tree = build_top_tree(boxes);
+  ASSERT_EQ(tree.order.size(), boxes.size());
+  ASSERT_EQ(tree.nodes.size(), 2 * boxes.size() - 1);
+  std::vector<int> seen(boxes.size());
+  struct Visit {
+    std::uint32_t node;
+    int depth;
+  };
+  std::vector<Visit> open = {{0, 0}};
+  while (!open.empty()) {
+    const Visit v = open.back();
+    open.pop_back();
+    ASSERT_LE(v.depth, kMaxTopTreeDepth);
+    const RbvhNode& node = tree.nodes[v.node];
+    if (node.count == 1) {
+      ++seen[tree.order[node.first]];
+      EXPECT_TRUE(contains(node, boxes[tree.order[node.first]]));
+      continue;
+    }
+    for (const std::uint32_t child : {node.first, node.first + 1}) {
+      const RbvhNode& c = tree.nodes[child];
+      EXPECT_TRUE(contains(node, {{c.lo[0], c.lo[1], c.lo[2]}, {c.hi[0], c.hi[1], c.hi[2]}}));
+      open.push_back({child, v.depth + 1});
+    }
+  }
+  EXPECT_EQ(seen, std::vector<int>(boxes.size(), 1));
+}
+
+TEST(TopTree, HoldsEveryBoxOnce) {
+  for (const std::size_t count : {1u, 2u, 3u, 17u, 1000u})
+    check_tree(random_boxes(count, property_seed() + count));
+}
+
+TEST(TopTree, StaysShallowWhenBoxesAreEqualOrNested) {
+  check_tree(std::vector<Bounds3f>(5000, {{0, 0, 0}, {1, 1, 1}}));
+  std::vector<Bounds3f> nested;
+  for (int i = 0; i < 120; ++i) {
+    const float s = std::ldexp(1.0f, -i);
+    nested.push_back({{0, 0, 0}, {s, s, s}});
+  }
+  check_tree(nested);
+}
+
+TEST(TopTree, OfNothingIsEmpty) { EXPECT_TRUE(build_top_tree({}).nodes.empty()); }
+
+TEST(WideNodes, ReachEveryLeafOnceAndBoundTheStack) {
+  for (const std::size_t count : {1u, 2u, 9u, 300u})
+    for (const std::uint32_t width : {8u, 16u}) {
+      const TopTree tree = build_top_tree(random_boxes(count, property_seed() + count));
+      const WideNodes wide = flatten_wide(tree.nodes, width);
+      const std::size_t words = 7 * static_cast<std::size_t>(width);
+      std::vector<int> seen(count);
+      std::vector<std::uint32_t> stack = {0};
+      std::size_t deepest = 1, empty_slots = 0;
+      while (!stack.empty()) {
+        const std::uint32_t node = stack.back();
+        stack.pop_back();
+        for (std::uint32_t k = 0; k < width; ++k) {
+          const std::uint32_t* slot = wide.words.data() + words * node + k;
+          const auto child = std::bit_cast<std::int32_t>(slot[6 * width]);
+          if (child == std::numeric_limits<std::int32_t>::min()) {
+            ++empty_slots;
+            EXPECT_EQ(std::bit_cast<float>(slot[0]), std::bit_cast<float>(slot[3 * width]));
+          } else if (child < 0) {
+            ++seen[static_cast<std::size_t>(~child)];
+          } else {
+            stack.push_back(static_cast<std::uint32_t>(child));
+            deepest = std::max(deepest, stack.size());
+          }
+        }
+      }
+      EXPECT_EQ(seen, std::vector<int>(count, 1));
+      EXPECT_LE(deepest, wide.stack_needed);
+      EXPECT_EQ(empty_slots > 0, (wide.words.size() / words * (width - 1)) + 1 != count);
+    }
+}
+
+}  // namespace
+}  // namespace rbvh
