@@ -1,5 +1,6 @@
 #include "pipeline/render/image_error.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -15,19 +16,24 @@ constexpr float kBackground = 0.214f;  // linear: mid grey in sRGB
 constexpr std::size_t kRows = 16;
 constexpr int kRadius = 5;
 constexpr double kSigma = 1.5;
-constexpr float kC1 = 0.01f * 0.01f, kC2 = 0.03f * 0.03f;  // the paper's, for values in [0, 1]
+constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;  // the paper's, for values in [0, 1]
 
-using Plane = std::vector<float>;
+// Double: a variance is the small difference of two means of squares.
+using Plane = std::vector<double>;
 
-// sRGB values, three a pixel, over the background.
+// As an 8-bit picture would show it: brighter than white is white, NaN is black.
+double shown_value(float linear) {
+  return linear > 0 ? static_cast<double>(linear_to_srgb(std::min(linear, 1.f))) : 0;
+}
+
+// sRGB values in [0, 1], three a pixel, over the background.
 Plane shown(const Image& image) {
   const std::size_t pixels = std::size_t{image.width} * image.height;
   Plane out(pixels * 3);
   parallel_for(pixels, 1 << 14, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       for (std::size_t c = 0; c < 3; ++c)
-        out[i * 3 + c] =
-            linear_to_srgb(image.pixels[i * 4 + c] + (1 - image.pixels[i * 4 + 3]) * kBackground);
+        out[i * 3 + c] = shown_value(image.pixels[i * 4 + c] + (1 - image.pixels[i * 4 + 3]) * kBackground);
   });
   return out;
 }
@@ -35,17 +41,16 @@ Plane shown(const Image& image) {
 Plane grey(const Plane& rgb) {
   Plane out(rgb.size() / 3);
   for (std::size_t i = 0; i < out.size(); ++i)
-    out[i] = 0.2126f * rgb[i * 3] + 0.7152f * rgb[i * 3 + 1] + 0.0722f * rgb[i * 3 + 2];
+    out[i] = 0.2126 * rgb[i * 3] + 0.7152 * rgb[i * 3 + 1] + 0.0722 * rgb[i * 3 + 2];
   return out;
 }
 
-std::array<float, 2 * kRadius + 1> gaussian() {
-  std::array<float, 2 * kRadius + 1> weights{};
+std::array<double, 2 * kRadius + 1> gaussian() {
+  std::array<double, 2 * kRadius + 1> weights{};
   double sum = 0;
   for (int i = -kRadius; i <= kRadius; ++i) sum += std::exp(-i * i / (2 * kSigma * kSigma));
   for (int i = -kRadius; i <= kRadius; ++i)
-    weights[static_cast<std::size_t>(i + kRadius)] =
-        static_cast<float>(std::exp(-i * i / (2 * kSigma * kSigma)) / sum);
+    weights[static_cast<std::size_t>(i + kRadius)] = std::exp(-i * i / (2 * kSigma * kSigma)) / sum;
   return weights;
 }
 
@@ -58,7 +63,7 @@ Plane blur(const Plane& in, std::size_t width, std::size_t height) {
       const std::ptrdiff_t last = static_cast<std::ptrdiff_t>(along_x ? width : height) - 1;
       for (std::size_t y = begin; y < end; ++y)
         for (std::size_t x = 0; x < width; ++x) {
-          float sum = 0;
+          double sum = 0;
           for (int k = -kRadius; k <= kRadius; ++k) {
             const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(along_x ? x : y) + k;
             const std::size_t clamped = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(at, 0, last));
@@ -85,8 +90,8 @@ Plane ssim_map(const Plane& a, const Plane& b, std::size_t width, std::size_t he
               ab = blur(product(a, b), width, height);
   Plane out(a.size());
   for (std::size_t i = 0; i < out.size(); ++i) {
-    const float ma = mean_a[i], mb = mean_b[i];
-    const float variances = aa[i] - ma * ma + bb[i] - mb * mb, covariance = ab[i] - ma * mb;
+    const double ma = mean_a[i], mb = mean_b[i];
+    const double variances = aa[i] - ma * ma + bb[i] - mb * mb, covariance = ab[i] - ma * mb;
     out[i] = (2 * ma * mb + kC1) * (2 * covariance + kC2) / ((ma * ma + mb * mb + kC1) * (variances + kC2));
   }
   return out;
@@ -103,16 +108,16 @@ ImageError compare_images(const Image& a, const Image& b) {
   for (std::size_t i = 0; i < similarity.size(); ++i) {
     if (a.pixels[i * 4 + 3] <= 0 && b.pixels[i * 4 + 3] <= 0) continue;
     ++covered;
-    ssim += static_cast<double>(similarity[i]);
+    ssim += similarity[i];
     for (std::size_t c = 0; c < 3; ++c) {
-      const double d = static_cast<double>(rgb_a[i * 3 + c]) - static_cast<double>(rgb_b[i * 3 + c]);
+      const double d = rgb_a[i * 3 + c] - rgb_b[i * 3 + c];
       squares += d * d;
     }
   }
   ImageError error;
   if (covered > 0) {
     error.rmse = std::sqrt(squares / static_cast<double>(3 * covered));
-    error.ssim = ssim / static_cast<double>(covered);
+    error.ssim = std::min(1.0, ssim / static_cast<double>(covered));  // equal pictures, rounded up
   }
   error.psnr = error.rmse > 0 ? -20 * std::log10(error.rmse) : std::numeric_limits<double>::infinity();
   return error;

@@ -235,7 +235,11 @@ TEST_F(Chain, ValidateMeasuresAgainstTheScan) {
   EXPECT_EQ(finest["worst_view"]["holes"], 0);
   EXPECT_LT(finest["dt"]["median"], 1e-3);
   EXPECT_GT(finest["image"]["ssim"], 0.9);
-  EXPECT_LE(finest["image"]["ssim"], 1.0);
+  for (const Json& level : json["fidelity"])  // means over the views, not sums
+    for (const char* pictures : {"image", "image_control"}) {
+      EXPECT_GT(level[pictures]["ssim"], 0.0) << pictures;
+      EXPECT_LE(level[pictures]["ssim"], 1.0) << pictures;
+    }
   EXPECT_LT(finest["scan_to_level"]["rms_percent"], 0.5);
   EXPECT_GT(json["fidelity"][4]["dt"]["median"], finest["dt"]["median"]);
   EXPECT_TRUE(exists("diff/Q0-0.png") && exists("diff/Q4-1.png"));

@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
+#include <random>
 
 namespace rbvh {
 namespace {
@@ -55,6 +57,38 @@ TEST(ImageError, OnlyCoveredPixelsCount) {
   EXPECT_NEAR(compare_images(a, b).rmse, all * std::sqrt(2), 1e-6);
   const Image empty = make_image(Image::Kind::kColor, kSize, kSize, {"R", "G", "B", "A"});
   EXPECT_EQ(compare_images(empty, empty).ssim, 1);
+}
+
+// A variance is the difference of two means: rounding must not turn it, and with it SSIM, out of range.
+TEST(ImageError, SsimIsAtMostOne) {
+  std::minstd_rand random(7);
+  for (const float bright : {0.2f, 0.999f, 40.f, 1000.f}) {
+    const auto noisy = [&](float noise) {
+      Image image = make_image(Image::Kind::kColor, kSize, kSize, {"R", "G", "B", "A"});
+      for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+        const float at = static_cast<float>(random()) / static_cast<float>(std::minstd_rand::max());
+        image.pixels[i] = i % 4 == 3 ? 1 : srgb_to_linear(bright + bright * noise * at);
+      }
+      return image;
+    };
+    for (const float noise : {0.f, 1e-6f, 1e-4f, 1e-2f}) {
+      const ImageError e = compare_images(noisy(noise), noisy(noise));
+      EXPECT_GE(e.ssim, -1) << bright << " " << noise;
+      EXPECT_LE(e.ssim, 1) << bright << " " << noise;
+      EXPECT_LE(e.rmse, 1) << bright << " " << noise;
+    }
+  }
+}
+
+TEST(ImageError, PixelsThatAreNoNumbersStayWhereTheyAre) {
+  Image spoilt = picture(waves);
+  spoilt.at(20, 20)[0] = std::numeric_limits<float>::quiet_NaN();
+  spoilt.at(30, 30)[1] = std::numeric_limits<float>::infinity();
+  const ImageError e = compare_images(picture(waves), spoilt);
+  EXPECT_GT(e.rmse, 0);
+  EXPECT_LT(e.rmse, 0.02);
+  EXPECT_GT(e.ssim, 0.9);
+  EXPECT_LT(e.ssim, 1);
 }
 
 }  // namespace
