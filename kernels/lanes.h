@@ -1,11 +1,15 @@
-// A comparison's lanes as bits, lane 0 lowest. OpenCL C has no word for it; where the compiler is clang for
-// AVX-512 (PoCL), its own word is one instruction.
+// A comparison's lanes as bits, lane 0 lowest, and sixteen scattered 16-bit numbers. OpenCL C has no word for
+// either; where the compiler is clang for AVX-512 (PoCL), its own words are one instruction each.
 #ifndef RBVH_LANES_H
 #define RBVH_LANES_H
 
 #if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
 static inline uint lane_bits8(int8 lanes) { return (uchar)__builtin_ia32_cvtd2mask256(lanes); }
 static inline uint lane_bits16(int16 lanes) { return (ushort)__builtin_ia32_cvtd2mask512(lanes); }
+// Reads two numbers a lane, so the buffer is one longer than it needs to be.
+static inline int16 gather16(__global const ushort* from, int16 at) {
+  return __builtin_ia32_gathersiv16si((int16)(0), (const void*)(size_t)from, at, (ushort)0xffff, 2) & 0xffff;
+}
 #else
 static inline uint lane_bits8(int8 lanes) {
   const int8 bits = lanes & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
@@ -14,6 +18,11 @@ static inline uint lane_bits8(int8 lanes) {
   return (uint)(b2.x | b2.y);
 }
 static inline uint lane_bits16(int16 lanes) { return lane_bits8(lanes.lo) | lane_bits8(lanes.hi) << 8; }
+static inline int16 gather16(__global const ushort* from, int16 at) {
+  return (int16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6],
+                 from[at.s7], from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd],
+                 from[at.se], from[at.sf]);
+}
 #endif
 
 static inline uint lowest_bit(uint mask) { return 31u - clz(mask & (0u - mask)); }

@@ -12,6 +12,8 @@
 //   node of width N: lo.x[N] lo.y[N] lo.z[N] hi.x[N] hi.y[N] hi.z[N] child[N];
 //     child >= 0: node; < 0: tile ~child; an empty slot is a far degenerate box (lo = hi = 1e38).
 //   tile: struct Tile below; its texels lie row by row in `heights`, from `offset`.
+#include "camera_rays.h"
+#include "lanes.h"
 #include "layout.h"
 
 #ifndef RBVH_STACK
@@ -36,7 +38,6 @@ typedef struct Tile {
 
 // A direction component of zero becomes a tiny one, so that 1/d is finite and no slab test sees 0 * inf.
 static inline float nonzero(float d) { return fabs(d) < 1e-20f ? copysign(1e-20f, d) : d; }
-static inline float16 nonzero16(float16 d) { return select(d, copysign((float16)(1e-20f), d), fabs(d) < 1e-20f); }
 
 static inline float any_lo(float16 v) {
   const float8 a = min(v.lo, v.hi);
@@ -50,30 +51,6 @@ static inline float any_hi(float16 v) {
   const float2 c = max(b.lo, b.hi);
   return max(c.x, c.y);
 }
-
-// A comparison's lanes as bits, and sixteen scattered texels. OpenCL C has no word for either; where the compiler is
-// clang for AVX-512 (PoCL), its own words are one instruction each.
-#if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
-static inline uint bits8(int8 m) { return (uchar)__builtin_ia32_cvtd2mask256(m); }
-static inline uint bits16(int16 m) { return (ushort)__builtin_ia32_cvtd2mask512(m); }
-// Reads two texels a lane, so the buffer is one longer than the tiles need.
-static inline int16 gather16(__global const ushort* p, int16 i) {
-  return __builtin_ia32_gathersiv16si((int16)(0), (const void*)(size_t)p, i, (ushort)0xffff, 2) & 0xffff;
-}
-#else
-static inline uint bits8(int8 m) {
-  const int8 b = m & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-  const int4 c = b.lo | b.hi;
-  const int2 d = c.lo | c.hi;
-  return (uint)(d.x | d.y);
-}
-static inline uint bits16(int16 m) { return bits8(m.lo) | (bits8(m.hi) << 8); }
-static inline int16 gather16(__global const ushort* p, int16 i) {
-  return (int16)(p[i.s0], p[i.s1], p[i.s2], p[i.s3], p[i.s4], p[i.s5], p[i.s6], p[i.s7], p[i.s8], p[i.s9], p[i.sa],
-                 p[i.sb], p[i.sc], p[i.sd], p[i.se], p[i.sf]);
-}
-#endif
-static inline uint first_bit(uint m) { return 31u - clz(m & (0u - m)); }
 
 // The bilinear height of a patch, NaN where a corner is missing.
 static inline float patch_height(__global const ushort* p, int width, int height, float u, float v) {
@@ -174,10 +151,10 @@ static inline float march(__global const Tile* tile, __global const ushort* heig
     const int16 solid = (h0 > 0.0f) & (h1 > 0.0f) & (fabs(rise) <= limit);
     const float16 D = select((float16)(NAN), gap, solid);
     const float16 next = D.s123456789abcdeff;
-    uint crossed = bits16((D * next <= 0.0f) & (t < t1)) & 0x7fffu;
+    uint crossed = lane_bits16((D * next <= 0.0f) & (t < t1)) & 0x7fffu;
     *steps += 1;
     while (crossed) {
-      const uint i = first_bit(crossed);
+      const uint i = lowest_bit(crossed);
       crossed &= crossed - 1u;
       float tt[16], dd[16];
       vstore16(t, 0, tt);
@@ -194,6 +171,17 @@ static inline float march(__global const Tile* tile, __global const ushort* heig
     k += 15 * dir;
     if (k < 0 || k >= n_major || any_hi(t) >= t1) return tmax;
   }
+}
+
+// Puts a child on the stack among those of its node, from `base` on, the farthest lowest.
+static inline void push(int* stack, float* stack_t, int* top, int base, int child, float t) {
+  int at = (*top)++;
+  for (; at > base && stack_t[at - 1] < t; --at) {
+    stack_t[at] = stack_t[at - 1];
+    stack[at] = stack[at - 1];
+  }
+  stack_t[at] = t;
+  stack[at] = child;
 }
 
 #define NODE16_WORDS (7 * 16)
@@ -219,13 +207,13 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
       const float16 t_in = max(max(ax, ay), max(az, (float16)(tmin)));
       const float16 t_out = min(min(bx, by), min(bz, (float16)(best)));
       *steps += 1;
-      uint inside = bits16(t_in <= t_out);
+      uint inside = lane_bits16(t_in <= t_out);
       if (inside == 0) {
         current = INT_MIN;
         break;
       }
       __global const int* child = (__global const int*)(b + 6 * 16);
-      uint i = first_bit(inside);
+      uint i = lowest_bit(inside);
       inside &= inside - 1u;
       current = child[i];
       if (inside == 0) continue;
@@ -234,7 +222,7 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
       float t_current = t_child[i];
       const int base = top;
       while (inside) {
-        i = first_bit(inside);
+        i = lowest_bit(inside);
         inside &= inside - 1u;
         float t = t_child[i];
         int c = child[i];
@@ -246,14 +234,7 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
           t = swap_t;
           c = swap_c;
         }
-        int j = top++;
-        while (j > base && stack_t[j - 1] < t) {
-          stack_t[j] = stack_t[j - 1];
-          stack[j] = stack[j - 1];
-          --j;
-        }
-        stack_t[j] = t;
-        stack[j] = c;
+        push(stack, stack_t, &top, base, c, t);
       }
     }
     if (current != INT_MIN) {
@@ -274,7 +255,7 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
 
 __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights,
                               __global const Ray* rays, uint count, uint any, __global Hit* hits,
-                              __global uint* steps_out, uint write_steps) {
+                              __global uint* steps_out) {
   const uint i = get_global_id(0);
   if (i >= count) return;
   const float3 o = vload3(0, rays[i].origin), d = vload3(0, rays[i].direction);
@@ -286,30 +267,23 @@ __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* t
   if (isfinite(sum) && dot(d, d) > 0.0f && tmin <= tmax)
     t = trace(nodes, tiles, heights, o, d, tmin, min(tmax, MAXFLOAT), any != 0, &leaf, &steps);
   store_hit(hits + i, tiles, heights, o, d, t, leaf);
-  if (write_steps) steps_out[i] = steps;
-}
-
-static inline float3 camera_direction(CameraRays camera, float x, float y) {
-  const float sx = x + camera.offset_x, sy = y + camera.offset_y;
-  return normalize((float3)(camera.corner[0] + camera.right[0] * sx + camera.up[0] * sy,
-                            camera.corner[1] + camera.right[1] * sx + camera.up[1] * sy,
-                            camera.corner[2] + camera.right[2] * sx + camera.up[2] * sy));
+  if (steps_out) steps_out[i] = steps;
 }
 
 // One ray a work-item, 8x8 pixels at a time: for devices that are wide by themselves.
 __kernel void trace_rbvh_pixels(__global const uint* nodes, __global const Tile* tiles,
                                 __global const ushort* heights, CameraRays camera, __global Hit* hits,
-                                __global uint* steps_out, uint write_steps) {
-  const uint g = get_global_id(0), blocks = (camera.width + 7) / 8;
-  const uint x = (g / 64 % blocks) * 8 + g % 8, y = (g / 64 / blocks) * 8 + g % 64 / 8;
-  if (x >= camera.width || y >= camera.height) return;
-  const float3 o = vload3(0, camera.position), d = camera_direction(camera, (float)x, (float)y);
+                                __global uint* steps_out) {
+  const uint2 pixel = camera_pixel(camera.width, get_global_id(0));
+  if (pixel.x >= camera.width || pixel.y >= camera.height) return;
+  const Ray ray = camera_ray(&camera, pixel.x, pixel.y);
+  const float3 o = vload3(0, ray.origin), d = vload3(0, ray.direction);
   int leaf = -1;
   uint steps = 0;
   const float t = trace(nodes, tiles, heights, o, d, 0.0f, MAXFLOAT, 0, &leaf, &steps);
-  const size_t at = (size_t)y * camera.width + x;
+  const size_t at = (size_t)pixel.y * camera.width + pixel.x;
   store_hit(hits + at, tiles, heights, o, d, t, leaf);
-  if (write_steps) steps_out[at] = steps;
+  if (steps_out) steps_out[at] = steps;
 }
 
 // --- sixteen coherent rays ------------------------------------------------------------------------------------------
@@ -336,7 +310,7 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
   const float16 t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), (float16)(0.0f)));
   const float16 t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), rays->t));
   int16 active = t0 <= t1;
-  if (bits16(active) == 0u) return;
+  if (lane_bits16(active) == 0u) return;
 
   const int16 along_u = fabs(du) >= fabs(dv);
   float16 d_major = select(dv, du, along_u);
@@ -366,7 +340,7 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
     const float16 D_line = select((float16)(NAN), gap, solid);
     const int16 crossed = (D * D_line <= 0.0f) & active;
     *steps += 1;
-    if (bits16(crossed) != 0u) {
+    if (lane_bits16(crossed) != 0u) {
       const float16 slope = (D_line - D) / (t_line - t);
       const float16 secant = t - D / slope;
       const float16 u = ou + du * secant, v = ov + dv * secant;
@@ -386,7 +360,7 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
       active &= ~taken;
     }
     active &= t_line < t1;
-    if (bits16(active) == 0u) return;
+    if (lane_bits16(active) == 0u) return;
     t = t_line;
     D = D_line;
     line += dir;
@@ -399,7 +373,7 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
 // the rays share their origin.
 __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile* tiles,
                                  __global const ushort* heights, CameraRays camera, __global Hit* hits,
-                                 __global uint* steps_out, uint write_steps) {
+                                 __global uint* steps_out) {
   const uint g = get_global_id(0), blocks = (camera.width + 3) / 4;
   const uint bx = (g % blocks) * 4, by = (g / blocks) * 4;
   if (by >= camera.height) return;
@@ -446,26 +420,16 @@ __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile
         t_in = max(t_in, min(near * inv_lo[k], near * inv_hi[k]));
         t_out = min(t_out, max(far * inv_lo[k], far * inv_hi[k]));
       }
-      uint inside = bits8(t_in <= t_out);
+      uint inside = lane_bits8(t_in <= t_out);
       if (inside) {
         __global const int* child = (__global const int*)(b + 6 * 8);
         float t_child[8];
         vstore8(t_in, 0, t_child);
         const int base = top;
         while (inside) {
-          const uint i = first_bit(inside);
+          const uint i = lowest_bit(inside);
           inside &= inside - 1u;
-          const float t = t_child[i];
-          const int c = child[i];
-          if (c == INT_MIN) continue;
-          int j = top++;
-          while (j > base && stack_t[j - 1] < t) {
-            stack_t[j] = stack_t[j - 1];
-            stack[j] = stack[j - 1];
-            --j;
-          }
-          stack_t[j] = t;
-          stack[j] = c;
+          if (child[i] != INT_MIN) push(stack, stack_t, &top, base, child[i], t_child[i]);
         }
       }
     } else {
@@ -491,6 +455,6 @@ done:;
     if (x >= camera.width || y >= camera.height) continue;
     const size_t at = (size_t)y * camera.width + x;
     store_hit(hits + at, tiles, heights, o, (float3)(dx[i], dy[i], dz[i]), t[i], leaf[i]);
-    if (write_steps) steps_out[at] = steps;
+    if (steps_out) steps_out[at] = steps;
   }
 }

@@ -75,26 +75,26 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
 
 void trace_rays(const RbvhTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
                 RayQuery query, const Buffer<std::uint32_t>* steps) {
-  const Buffer<std::uint32_t> none = steps != nullptr ? *steps : Buffer<std::uint32_t>(tracer.device, 1);
+  const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   tracer.device.kernel("trace_rbvh", "trace_rbvh_rays", options())
       .run(count, 64, tracer.nodes16, tracer.leaves, tracer.heights, rays, static_cast<std::uint32_t>(count),
-           query == RayQuery::kAny ? 1u : 0u, hits, none, steps != nullptr ? 1u : 0u);
+           query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
 }
 
 void trace_camera(const RbvhTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
                   const Buffer<std::uint32_t>* steps) {
-  const Buffer<std::uint32_t> none = steps != nullptr ? *steps : Buffer<std::uint32_t>(tracer.device, 1);
+  const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   const auto blocks = [](std::uint32_t pixels, std::uint32_t side) {
     return static_cast<std::size_t>((pixels + side - 1) / side);
   };
   if (tracer.device.info().is_cpu)
     tracer.device.kernel("trace_rbvh", "trace_rbvh_packets", options())
         .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, tracer.nodes8, tracer.leaves,
-             tracer.heights, camera, hits, none, steps != nullptr ? 1u : 0u);
+             tracer.heights, camera, hits, steps_out);
   else
     tracer.device.kernel("trace_rbvh", "trace_rbvh_pixels", options())
         .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, tracer.nodes16, tracer.leaves,
-             tracer.heights, camera, hits, none, steps != nullptr ? 1u : 0u);
+             tracer.heights, camera, hits, steps_out);
 }
 
 }  // namespace rbvh
