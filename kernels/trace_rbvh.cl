@@ -12,6 +12,7 @@
 //   node of width N: lo.x[N] lo.y[N] lo.z[N] hi.x[N] hi.y[N] hi.z[N] child[N];
 //     child >= 0: node; < 0: tile ~child; an empty slot is a far degenerate box (lo = hi = 1e38).
 //   tile: struct Tile below; its texels lie row by row in `heights`, from `offset`.
+#include "bounds.h"
 #include "camera_rays.h"
 #include "lanes.h"
 #include "layout.h"
@@ -30,6 +31,17 @@ typedef struct Tile {
   float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
   uint unused[2];
 } Tile;
+
+// A level, as the first three arguments of every kernel here, and their names in IN_BOUNDS.
+typedef struct Level {
+  __global const uint* nodes;
+  __global const Tile* tiles;
+  __global const ushort* heights;
+  BOUNDS_MEMBER
+} Level;
+#define NODES 0u, sizeof(uint)
+#define TILES 1u, sizeof(Tile)
+#define HEIGHTS 2u, sizeof(ushort)
 
 // Sixteen points at a time or one: inside the leaf's box?
 #define INSIDE(tile, x, y, z)                                                                            \
@@ -53,10 +65,11 @@ static inline float any_hi(float16 v) {
 }
 
 // The bilinear height of a patch, NaN where a corner is missing.
-static inline float patch_height(__global const ushort* p, int width, int height, float u, float v) {
+static inline float patch_height(const Level* level, uint offset, int width, int height, float u, float v) {
   const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
   const float fu = u - (float)x, fv = v - (float)y;
-  __global const ushort* q = p + y * width + x;
+  if (!IN_BOUNDS(level->bounds, HEIGHTS, (ulong)offset + (ulong)(y * width + x), (ulong)width + 2)) return NAN;
+  __global const ushort* q = level->heights + offset + y * width + x;
   const float a = (float)q[0], b = (float)q[1], c = (float)q[width], d = (float)q[width + 1];
   if (a == 0.0f || b == 0.0f || c == 0.0f || d == 0.0f) return NAN;
   const float h0 = a + (b - a) * fu, h1 = c + (d - c) * fu;
@@ -64,8 +77,8 @@ static inline float patch_height(__global const ushort* p, int width, int height
 }
 
 // A ray's hit on a tile, complete: position on the tile and the geometric normal in world space.
-static inline void store_hit(__global Hit* hit, __global const Tile* tiles, __global const ushort* heights, float3 origin,
-                      float3 direction, float t, int leaf) {
+static inline void store_hit(__global Hit* hit, const Level* level, float3 origin, float3 direction, float t,
+                             int leaf) {
   Hit h;
   h.t = INFINITY;
   h.normal[0] = h.normal[1] = h.normal[2] = 0.0f;
@@ -73,7 +86,7 @@ static inline void store_hit(__global Hit* hit, __global const Tile* tiles, __gl
   h.leaf = RBVH_NO_LEAF;
   h.flags = 0;
   if (leaf >= 0) {
-    __global const Tile* tile = tiles + leaf;
+    __global const Tile* tile = level->tiles + leaf;
     __global const float* m = tile->columns;
     const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]), rw = (float3)(m[2], m[5], m[8]);
     const float3 p = origin + direction * t;
@@ -81,7 +94,8 @@ static inline void store_hit(__global Hit* hit, __global const Tile* tiles, __gl
     const int width = tile->width, height = tile->height;
     const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
     const float fu = u - (float)x, fv = v - (float)y;
-    __global const ushort* q = heights + tile->offset + y * width + x;
+    if (!IN_BOUNDS(level->bounds, HEIGHTS, (ulong)tile->offset + (ulong)(y * width + x), (ulong)width + 2)) return;
+    __global const ushort* q = level->heights + tile->offset + y * width + x;
     const float a = (float)q[0], b = (float)q[1], c = (float)q[width], d = (float)q[width + 1];
     // Where a corner is missing, the slope along the edge that is there must do.
     float du, dv;
@@ -108,8 +122,9 @@ static inline void store_hit(__global Hit* hit, __global const Tile* tiles, __gl
 // --- one ray --------------------------------------------------------------------------------------------------------
 
 // Nearest crossing of the tile within (tmin, tmax), or tmax. Sixteen grid lines at a time.
-static inline float march(__global const Tile* tile, __global const ushort* heights, float3 o, float3 d, float tmin,
-                   float tmax, uint* steps) {
+static inline float march(const Level* level, int id, float3 o, float3 d, float tmin, float tmax, uint* steps) {
+  if (!IN_BOUNDS(level->bounds, TILES, (ulong)id, 1)) return tmax;
+  __global const Tile* tile = level->tiles + id;
   __global const float* m = tile->columns;
   const float4 mx = vload4(0, m), my = vload4(0, m + 3), mz = vload4(0, m + 6);
   const float4 ot = mx * o.x + my * o.y + mz * o.z + (float4)(vload3(3, m), 0.0f);
@@ -136,7 +151,7 @@ static inline float march(__global const Tile* tile, __global const ushort* heig
   const int dir = d_major > 0.0f ? 1 : -1;
   const float enter = o_major + d_major * t0;
   int k = clamp((int)(d_major > 0.0f ? floor(enter) : ceil(enter)), 0, n_major - 1);
-  __global const ushort* p = heights + tile->offset;
+  __global const ushort* p = level->heights + tile->offset;
   const float limit = tile->step_limit;
   const int16 lanes = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   for (;;) {
@@ -145,6 +160,8 @@ static inline float march(__global const Tile* tile, __global const ushort* heig
     const float16 minor = o_minor + d_minor * t;
     const int16 y = clamp(convert_int16(minor), 0, n_minor - 2);
     const int16 at = clamp(line, 0, n_major - 1) * s_major + y * s_minor;
+    if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, at)) return tmax;
+    if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, at + s_minor)) return tmax;
     const float16 h0 = convert_float16(gather16(p, at)), h1 = convert_float16(gather16(p + s_minor, at));
     const float16 rise = h1 - h0;
     const float16 gap = (ow - h0) + dw * t - rise * (minor - convert_float16(y));
@@ -161,7 +178,7 @@ static inline float march(__global const Tile* tile, __global const ushort* heig
       vstore16(D, 0, dd);
       const float slope = (dd[i + 1] - dd[i]) / (tt[i + 1] - tt[i]);
       float hit = tt[i] - dd[i] / slope;
-      const float h = patch_height(p, width, height, ou + du * hit, ov + dv * hit);
+      const float h = patch_height(level, tile->offset, width, height, ou + du * hit, ov + dv * hit);
       const float again = hit - (ow + dw * hit - h) / slope;
       if (again >= tt[i] && again <= tt[i + 1]) hit = again;
       if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i]) &&
@@ -187,8 +204,8 @@ static inline void push(int* stack, float* stack_t, int* top, int base, int chil
 #define NODE16_WORDS (7 * 16)
 
 // Nearest hit of a ray in (tmin, tmax): t, and the tile or -1. With `any`, the first that is found.
-static inline float trace(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, float3 o,
-                   float3 direction, float tmin, float tmax, int any, int* leaf, uint* steps) {
+static inline float trace(const Level* level, float3 o, float3 direction, float tmin, float tmax, int any, int* leaf,
+                          uint* steps) {
   const float3 d = (float3)(nonzero(direction.x), nonzero(direction.y), nonzero(direction.z));
   const float3 inv = 1.0f / d, oi = o * inv;
   const int nx = d.x < 0.0f ? 3 : 0, ny = d.y < 0.0f ? 4 : 1, nz = d.z < 0.0f ? 5 : 2;
@@ -199,7 +216,8 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
   *leaf = -1;
   for (;;) {
     while (current >= 0) {
-      __global const float* b = (__global const float*)(nodes + (size_t)current * NODE16_WORDS);
+      if (!IN_BOUNDS(level->bounds, NODES, (ulong)current * NODE16_WORDS, NODE16_WORDS)) return best;
+      __global const float* b = (__global const float*)(level->nodes + (size_t)current * NODE16_WORDS);
       const float16 ax = vload16(nx, b) * inv.x - oi.x, ay = vload16(ny, b) * inv.y - oi.y,
                     az = vload16(nz, b) * inv.z - oi.z;
       const float16 bx = vload16(3 - nx, b) * inv.x - oi.x, by = vload16(5 - ny, b) * inv.y - oi.y,
@@ -238,7 +256,7 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
       }
     }
     if (current != INT_MIN) {
-      const float t = march(tiles + ~current, heights, o, direction, tmin, best, steps);
+      const float t = march(level, ~current, o, direction, tmin, best, steps);
       if (t < best) {
         best = t;
         *leaf = ~current;
@@ -255,9 +273,10 @@ static inline float trace(__global const uint* nodes, __global const Tile* tiles
 
 __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights,
                               __global const Ray* rays, uint count, uint any, __global Hit* hits,
-                              __global uint* steps_out) {
+                              __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint i = get_global_id(0);
   if (i >= count) return;
+  const Level level = {nodes, tiles, heights BOUNDS_VALUE};
   const float3 o = vload3(0, rays[i].origin), d = vload3(0, rays[i].direction);
   const float tmin = rays[i].tmin, tmax = rays[i].tmax;
   int leaf = -1;
@@ -265,24 +284,25 @@ __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* t
   float t = INFINITY;
   const float sum = o.x + o.y + o.z + d.x + d.y + d.z;
   if (isfinite(sum) && dot(d, d) > 0.0f && tmin <= tmax)
-    t = trace(nodes, tiles, heights, o, d, tmin, min(tmax, MAXFLOAT), any != 0, &leaf, &steps);
-  store_hit(hits + i, tiles, heights, o, d, t, leaf);
+    t = trace(&level, o, d, tmin, min(tmax, MAXFLOAT), any != 0, &leaf, &steps);
+  store_hit(hits + i, &level, o, d, t, leaf);
   if (steps_out) steps_out[i] = steps;
 }
 
 // One ray a work-item, 8x8 pixels at a time: for devices that are wide by themselves.
 __kernel void trace_rbvh_pixels(__global const uint* nodes, __global const Tile* tiles,
                                 __global const ushort* heights, CameraRays camera, __global Hit* hits,
-                                __global uint* steps_out) {
+                                __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint2 pixel = camera_pixel(camera.width, get_global_id(0));
   if (pixel.x >= camera.width || pixel.y >= camera.height) return;
+  const Level level = {nodes, tiles, heights BOUNDS_VALUE};
   const Ray ray = camera_ray(&camera, pixel.x, pixel.y);
   const float3 o = vload3(0, ray.origin), d = vload3(0, ray.direction);
   int leaf = -1;
   uint steps = 0;
-  const float t = trace(nodes, tiles, heights, o, d, 0.0f, MAXFLOAT, 0, &leaf, &steps);
+  const float t = trace(&level, o, d, 0.0f, MAXFLOAT, 0, &leaf, &steps);
   const size_t at = (size_t)pixel.y * camera.width + pixel.x;
-  store_hit(hits + at, tiles, heights, o, d, t, leaf);
+  store_hit(hits + at, &level, o, d, t, leaf);
   if (steps_out) steps_out[at] = steps;
 }
 
@@ -294,8 +314,9 @@ typedef struct {
 } Packet;
 
 // All sixteen rays march the tile in lockstep, a grid line of its own major axis each.
-static inline void march_packet(__global const Tile* tile, __global const ushort* heights, float3 o, Packet* rays, int id,
-                         uint* steps) {
+static inline void march_packet(const Level* level, int id, float3 o, Packet* rays, uint* steps) {
+  if (!IN_BOUNDS(level->bounds, TILES, (ulong)id, 1)) return;
+  __global const Tile* tile = level->tiles + id;
   __global const float* m = tile->columns;
   const float3 ot = vload3(0, m) * o.x + vload3(1, m) * o.y + vload3(2, m) * o.z + vload3(3, m);
   const float ou = ot.x, ov = ot.y, ow = ot.z;
@@ -325,7 +346,7 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
   const float16 dir = select((float16)(-1.0f), (float16)(1.0f), d_major > 0.0f);
   const float16 enter = o_major + d_major * t0;
   float16 line = dir * floor(dir * enter);
-  __global const ushort* p = heights + tile->offset;
+  __global const ushort* p = level->heights + tile->offset;
   const float limit = tile->step_limit;
   float16 t = FAR, D = NAN;
   for (;;) {
@@ -333,6 +354,8 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
     const float16 minor = o_minor + d_minor * t_line;
     const int16 y = clamp(convert_int16(minor), 0, n_minor);
     const int16 at = clamp(convert_int16(line), 0, n_major) * s_major + y * s_minor;
+    if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, at)) return;
+    if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, at + s_minor)) return;
     const float16 h0 = convert_float16(gather16(p, at)), h1 = convert_float16(gather16(p, at + s_minor));
     const float16 rise = h1 - h0;
     const float16 gap = (ow - h0) + dw * t_line - rise * (minor - convert_float16(y));
@@ -346,6 +369,8 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
       const float16 u = ou + du * secant, v = ov + dv * secant;
       const int16 hx = clamp(convert_int16(u), 0, width - 2), hy = clamp(convert_int16(v), 0, height - 2);
       const int16 q = hy * width + hx;
+      if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, q)) return;
+      if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, q + width + 1)) return;
       const float16 a = convert_float16(gather16(p, q)), b = convert_float16(gather16(p + 1, q)),
                     c = convert_float16(gather16(p + width, q)), e = convert_float16(gather16(p + width + 1, q));
       const float16 fu = u - convert_float16(hx), fv = v - convert_float16(hy);
@@ -373,10 +398,11 @@ static inline void march_packet(__global const Tile* tile, __global const ushort
 // the rays share their origin.
 __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile* tiles,
                                  __global const ushort* heights, CameraRays camera, __global Hit* hits,
-                                 __global uint* steps_out) {
+                                 __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint g = get_global_id(0), blocks = (camera.width + 3) / 4;
   const uint bx = (g % blocks) * 4, by = (g / blocks) * 4;
   if (by >= camera.height) return;
+  const Level level = {nodes, tiles, heights BOUNDS_VALUE};
   const float16 px = (float)bx + camera.offset_x + (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 py = (float)by + camera.offset_y + (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   Packet rays;
@@ -410,7 +436,8 @@ __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile
   uint steps = 0;
   for (;;) {
     if (current >= 0) {
-      __global const float* b = (__global const float*)(nodes + (size_t)current * NODE8_WORDS);
+      if (!IN_BOUNDS(level.bounds, NODES, (ulong)current * NODE8_WORDS, NODE8_WORDS)) break;
+      __global const float* b = (__global const float*)(level.nodes + (size_t)current * NODE8_WORDS);
       float8 t_in = (float8)(0.0f), t_out = (float8)(best);
       steps += 1;
       for (int k = 0; k < 3; ++k) {
@@ -433,7 +460,7 @@ __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile
         }
       }
     } else {
-      march_packet(tiles + ~current, heights, o, &rays, ~current, &steps);
+      march_packet(&level, ~current, o, &rays, &steps);
       best = any_hi(rays.t);
     }
     do {
@@ -454,7 +481,7 @@ done:;
     const uint x = bx + i % 4, y = by + i / 4;
     if (x >= camera.width || y >= camera.height) continue;
     const size_t at = (size_t)y * camera.width + x;
-    store_hit(hits + at, tiles, heights, o, (float3)(dx[i], dy[i], dz[i]), t[i], leaf[i]);
+    store_hit(hits + at, &level, o, (float3)(dx[i], dy[i], dz[i]), t[i], leaf[i]);
     if (steps_out) steps_out[at] = steps;
   }
 }

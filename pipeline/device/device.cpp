@@ -27,6 +27,7 @@ struct DeviceState {
   cl::Device device;
   cl::Context context;
   cl::CommandQueue queue;
+  bool check_bounds = false;                    ///< of what kernels read, see kernels/bounds.h
   std::mutex mutex;                             ///< guards the two below
   std::map<std::string, cl::Program> programs;  ///< by file and options
   std::set<std::string> launched;               ///< program, entry and work-group size already compiled
@@ -177,6 +178,54 @@ class CompileNotice {
   std::jthread thread_;
 };
 
+// --- bounds
+// --------------------------------------------------------------------------------------------------------
+
+bool wants_bounds_checked() {
+  if (const char* wish = std::getenv("RBVH_CHECK_BOUNDS"); wish != nullptr && *wish != '\0')
+    return std::string_view(wish) != "0";
+#ifdef NDEBUG
+  return false;
+#else
+  return true;
+#endif
+}
+
+/// A launch's last argument where the kernel takes part in the checks: what kernels/bounds.h calls Bounds.
+struct BoundsRecord {
+  std::vector<cl_ulong> words;  ///< kHeader of a fault, then the bytes of each argument; empty: takes no part
+  cl::Buffer buffer;
+  static constexpr std::size_t kHeader = 3;
+};
+
+BoundsRecord make_bounds_record(const KernelState& state,
+                                std::span<const device_detail::Argument> arguments) {
+  const DeviceState& device = *state.device;
+  BoundsRecord record;
+  if (!device.check_bounds || state.kernel.getInfo<CL_KERNEL_NUM_ARGS>() != arguments.size() + 1)
+    return record;
+  record.words.resize(BoundsRecord::kHeader);
+  for (const device_detail::Argument& argument : arguments) {
+    const auto* buffer = static_cast<const BufferState*>(argument.size > 0 ? nullptr : argument.data);
+    record.words.push_back(buffer != nullptr ? buffer->bytes : 0);
+  }
+  record.buffer = cl::Buffer(device.context, CL_MEM_READ_WRITE | CL_MEM_COPY_HOST_PTR,
+                             record.words.size() * sizeof record.words[0], record.words.data());
+  return record;
+}
+
+/// Waits for the kernel.
+void throw_if_out_of_bounds(const KernelState& state, BoundsRecord& record) {
+  if (record.words.empty()) return;
+  cl_ulong* words = record.words.data();
+  state.device->queue.enqueueReadBuffer(record.buffer, CL_TRUE, 0, BoundsRecord::kHeader * sizeof *words,
+                                        words);
+  if (words[0] == 0) return;
+  throw Error(ExitCode::kFailure, "kernels/" + state.program.substr(0, state.program.find(' ')),
+              "line " + std::to_string(words[0]) + ": " + state.entry + " reads element " +
+                  std::to_string(words[1]) + " of " + std::to_string(words[2]) + "; please report this");
+}
+
 // --- devices
 // --------------------------------------------------------------------------------------------------------
 
@@ -275,7 +324,8 @@ cl::Program build_program(DeviceState& state, const std::string& file, const std
   const CompileNotice notice(state.info);
   cl::Program program =
       guarded(state.info, "kernels/" + file, [&] { return cl::Program(state.context, source); });
-  const std::string all_options = "-cl-std=CL1.2 " + options;
+  const std::string all_options =
+      std::string("-cl-std=CL1.2 ") + (state.check_bounds ? "-DRBVH_CHECK_BOUNDS " : "") + options;
   try {
     program.build(state.device, all_options.c_str());
   } catch (const cl::BuildError& error) {
@@ -334,6 +384,7 @@ Device Device::open(const std::string& choice) {
   DeviceState& state = *device.state_;
   state.info = found->info;
   state.device = found->device;
+  state.check_bounds = wants_bounds_checked();
   guarded(state.info, "opening the device", [&] {
     state.context = cl::Context(state.device);
     state.queue = cl::CommandQueue(state.context, state.device);
@@ -352,6 +403,7 @@ Device Device::as_gpu() const {
   device.state_->device = state_->device;
   device.state_->context = state_->context;
   device.state_->queue = state_->queue;
+  device.state_->check_bounds = state_->check_bounds;
   return device;
 }
 
@@ -391,6 +443,7 @@ void Kernel::run_arguments(std::size_t global, std::size_t local,
   KernelState& state = *state_;
   DeviceState& device = *state.device;
   const std::string launch = state.program + " " + state.entry + " " + std::to_string(local);
+  BoundsRecord bounds;
   const auto enqueue = [&](cl::Event* event) {
     const std::lock_guard lock(state.mutex);
     for (cl_uint i = 0; i < arguments.size(); ++i) {
@@ -403,6 +456,7 @@ void Kernel::run_arguments(std::size_t global, std::size_t local,
         state.kernel.setArg(i, sizeof memory, &memory);
       }
     }
+    if (!bounds.words.empty()) state.kernel.setArg(static_cast<cl_uint>(arguments.size()), bounds.buffer);
     device.queue.enqueueNDRangeKernel(state.kernel, cl::NullRange,
                                       cl::NDRange((global + local - 1) / local * local), cl::NDRange(local),
                                       nullptr, event);
@@ -413,20 +467,22 @@ void Kernel::run_arguments(std::size_t global, std::size_t local,
     first_launch = device.launched.insert(launch).second;
   }
   guarded(device.info, "kernels/" + state.program + ": " + state.entry, [&] {
-    if (!first_launch) {
+    bounds = make_bounds_record(state, arguments);
+    if (first_launch) {
+      // PoCL compiles a kernel for a work-group size only when it is first run, between "submitted" and
+      // "running".
+      device.queue.finish();
+      const CompileNotice notice(device.info);
+      cl::Event event;
+      enqueue(&event);
+      device.queue.flush();
+      while (event.getInfo<CL_EVENT_COMMAND_EXECUTION_STATUS>() > CL_RUNNING) {
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+      }
+    } else {
       enqueue(nullptr);
-      return;
     }
-    // PoCL compiles a kernel for a work-group size only when it is first run, between "submitted" and
-    // "running".
-    device.queue.finish();
-    const CompileNotice notice(device.info);
-    cl::Event event;
-    enqueue(&event);
-    device.queue.flush();
-    while (event.getInfo<CL_EVENT_COMMAND_EXECUTION_STATUS>() > CL_RUNNING) {
-      std::this_thread::sleep_for(std::chrono::microseconds(200));
-    }
+    throw_if_out_of_bounds(state, bounds);
   });
 }
 

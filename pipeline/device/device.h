@@ -79,6 +79,10 @@ class Kernel {
 
 /// One in-order queue on one device. Cheap to copy; copies share the context, the queue and the built
 /// programs.
+///
+/// In debug builds, or with RBVH_CHECK_BOUNDS=1 in the environment when it is opened, kernels that take part
+/// (kernels/bounds.h) check what they read by indices from data; run() then waits for them and throws
+/// Error(kFailure) where one was out of bounds. RBVH_CHECK_BOUNDS=0 leaves that out of debug builds too.
 class Device {
  public:
   /// `choice`: empty (RBVH_DEVICE from the environment, else the first CPU, else the first device), "cpu",

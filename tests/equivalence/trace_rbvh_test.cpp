@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <cstring>
 
 #include "pipeline/base/error.h"
@@ -251,6 +252,77 @@ TEST(Build, GivesTheSameBytesAgainAndEachLevelAlone) {
   for (std::size_t i = 0; i < first.levels.size(); ++i) {
     EXPECT_TRUE(same(first.levels[i], second.levels[i])) << i;
     EXPECT_TRUE(same(first.levels[i], build(scan, {standard_levels()[i]}).levels[0])) << i;
+  }
+}
+
+/// Kernels built with bounds checks, whatever the build.
+Device checking_device() {
+  setenv("RBVH_CHECK_BOUNDS", "1", 1);
+  const Device device = Device::open();
+  unsetenv("RBVH_CHECK_BOUNDS");
+  return device;
+}
+
+/// What is thrown when rays, packets and pixels are traced, by each of them or by none; empty: nothing.
+std::string traced_out_of_bounds(const Device& device, const RbvhTracer& tracer, const Level& level) {
+  const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
+  const CameraRays camera = camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 32, 32);
+  const Buffer<Hit> hits(device, 32 * 32);
+  std::vector<Ray> rays;
+  for (std::uint32_t i = 0; i < 32 * 32; ++i)
+    rays.push_back(ray({camera.position[0], camera.position[1], camera.position[2]},
+                       pixel_direction(camera, i % 32, i / 32)));
+  std::vector<std::string> errors;
+  const auto run = [&](auto&& trace_all) {
+    errors.emplace_back();
+    try {
+      trace_all();
+    } catch (const Error& error) {
+      errors.back() = error.what();
+    }
+  };
+  run([&] { trace_rays(tracer, Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest); });
+  run([&] { trace_camera(tracer, camera, hits); });
+  RbvhTracer pixels = tracer;
+  pixels.device = device.as_gpu();
+  run([&] { trace_camera(pixels, camera, hits); });
+  for (const std::string& error : errors) EXPECT_EQ(error.empty(), errors[0].empty()) << errors[0] << error;
+  return errors[0];
+}
+
+TEST(TraceRbvh, IndicesOutOfBoundsAreCaughtWhereTheyAreChecked) {
+  const Level level = build(bumpy_sphere(30), {{"Q", 1e5f, 0.85f, 45}}).levels[0];
+  const Device device = checking_device();
+  const RbvhTracer whole = make_rbvh_tracer(device, level);
+  EXPECT_EQ(traced_out_of_bounds(device, whole, level), "");
+
+  // Every node's children, far beyond the nodes or the tiles; an empty slot stays far away.
+  constexpr std::uint32_t kFar = 1u << 24;
+  for (const std::uint32_t child : {kFar, ~kFar}) {
+    const auto spoilt = [&](const Buffer<std::uint32_t>& nodes, std::size_t width) {
+      std::vector<std::uint32_t> words = nodes.read();
+      for (std::size_t i = 0; i < words.size(); ++i)
+        if (i % (7 * width) >= 6 * width) words[i] = child;
+      return Buffer<std::uint32_t>(device, words);
+    };
+    RbvhTracer tracer = whole;
+    tracer.nodes8 = spoilt(whole.nodes8, 8);
+    tracer.nodes16 = spoilt(whole.nodes16, 16);
+    const std::string error = traced_out_of_bounds(device, tracer, level);
+    EXPECT_NE(error.find("kernels/trace_rbvh.cl: line "), std::string::npos) << error;
+    EXPECT_NE(error.find(std::to_string(child == kFar ? kFar * 112ull : kFar)), std::string::npos) << error;
+  }
+
+  // Tiles whose texels lie beyond the heights, or that are larger than what is left of these.
+  for (const bool moved : {true, false}) {
+    std::vector<std::uint32_t> words = whole.leaves.read();
+    for (std::size_t i = 0; i < words.size(); i += 24) {
+      if (moved) words[i + 12] = 0x7fffff00u;
+      if (!moved) words[i + 13] = 0xffffffffu;  // width, height
+    }
+    RbvhTracer tracer = whole;
+    tracer.leaves = Buffer<std::uint32_t>(device, words);
+    EXPECT_NE(traced_out_of_bounds(device, tracer, level).find("reads element"), std::string::npos);
   }
 }
 
