@@ -10,6 +10,7 @@
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/scan/ingest.h"
 
 namespace rbvh {
 namespace {
@@ -49,9 +50,7 @@ std::vector<LevelConfig> choose_level_configs(const std::vector<std::string>& na
 
 Scan read_ingested(const std::string& path, std::string_view bytes) {
   Scan scan = shift_to_float(parse_scan(bytes, path));
-  const Bounds3f box = bounds(scan);
-  if (box.empty()) throw Error(ExitCode::kInput, path, "no vertex has finite coordinates");
-  if (!(box.diagonal() > 0)) throw Error(ExitCode::kInput, path, "all points are equal");
+  check_usable(scan, path);
   for (std::size_t i = 0; i < scan.positions.size(); ++i)
     if (!is_finite(scan.positions[i]))
       throw Error(ExitCode::kInput, path,

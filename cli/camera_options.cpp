@@ -1,5 +1,7 @@
 #include "cli/camera_options.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <nlohmann/json.hpp>
 
 #include "cli/common.h"
@@ -9,6 +11,8 @@ namespace rbvh {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr const char* kGroup = "Camera (as f3d's)";
 
 [[noreturn]] void refuse(const std::string& path, const std::string& where, const std::string& what) {
   throw Error(ExitCode::kInput, path, where + ": " + what);
@@ -29,7 +33,7 @@ CameraWords read_camera(const std::string& path, const std::string& where, const
                         CameraWords words) {
   if (!value.is_object()) refuse(path, where, "an object is wanted");
   for (const auto& [key, entry] : value.items()) {
-    const std::string at = where + ", " + key;
+    const std::string at = fmt::format("{}, {}", where, key);
     if (key == "position")
       words.position = read_vec3(path, at, entry);
     else if (key == "focal_point")
@@ -53,26 +57,26 @@ CameraWords read_camera(const std::string& path, const std::string& where, const
 }  // namespace
 
 void add_camera_options(CLI::App& stage, CameraOptions& options) {
-  const auto group = [](CLI::Option* option) { option->group("Camera (as f3d's)"); };
-  group(add_parsed(stage, "--resolution", options.resolution, parse_resolution, "W,H",
-                   "pixels (default: 1024,1024)"));
-  group(add_parsed(stage, "--camera-position", options.words.position, parse_vec3, "X,Y,Z",
-                   "default: the whole object in a three-quarter view"));
-  group(add_parsed(stage, "--camera-focal-point", options.words.focal_point, parse_vec3, "X,Y,Z",
-                   "what is looked at (default: the object's middle)"));
-  group(add_parsed(stage, "--camera-view-up", options.words.view_up, parse_vec3, "X,Y,Z",
-                   "what is up in the picture (default: --up)"));
-  group(add_parsed(stage, "--camera-view-angle", options.words.view_angle, parse_number, "DEG",
-                   "vertical, full angle (default: 30)"));
-  group(add_parsed(stage, "--camera-azimuth-angle", options.words.azimuth, parse_number, "DEG",
-                   "turn to the right about the focal point"));
-  group(add_parsed(stage, "--camera-elevation-angle", options.words.elevation, parse_number, "DEG",
-                   "turn upwards about the focal point"));
-  group(add_parsed(stage, "--up", options.up, parse_axis, "AXIS", "default: +Y for meshes, +Z for clouds"));
-  group(add_parsed(stage, "--turntable", options.turntable, parse_positive, "N",
-                   "N pictures around the up axis; name them with {frame:03}"));
-  group(stage.add_option("--cameras", options.cameras_path, "a JSON list of cameras, one picture each")
-            ->type_name("FILE"));
+  const auto add = [&stage](const char* name, auto& target, auto parse, const char* value, const char* help) {
+    add_parsed(stage, name, target, parse, value, help)->group(kGroup);
+  };
+  CameraWords& words = options.words;
+  add("--resolution", options.resolution, parse_resolution, "W,H", "pixels (default: 1024,1024)");
+  add("--camera-position", words.position, parse_vec3, "X,Y,Z",
+      "default: the whole object in a three-quarter view");
+  add("--camera-focal-point", words.focal_point, parse_vec3, "X,Y,Z",
+      "what is looked at (default: the object's middle)");
+  add("--camera-view-up", words.view_up, parse_vec3, "X,Y,Z", "what is up in the picture (default: --up)");
+  add("--camera-view-angle", words.view_angle, parse_number, "DEG", "vertical, full angle (default: 30)");
+  add("--camera-azimuth-angle", words.azimuth, parse_number, "DEG",
+      "turn to the right about the focal point");
+  add("--camera-elevation-angle", words.elevation, parse_number, "DEG", "turn upwards about the focal point");
+  add("--up", options.up, parse_axis, "AXIS", "default: +Y for meshes, +Z for clouds");
+  add("--turntable", options.turntable, parse_positive, "N",
+      "N pictures around the up axis; name them with {frame:03}");
+  stage.add_option("--cameras", options.cameras_path, "a JSON list of cameras, one picture each")
+      ->type_name("FILE")
+      ->group(kGroup);
 }
 
 std::vector<CameraWords> read_cameras(const std::string& path, const CameraWords& defaults) {

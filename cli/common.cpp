@@ -193,6 +193,10 @@ nlohmann::ordered_json device_json(const DeviceInfo& info) {
           {"int64_atomics", info.has_int64_atomics}};
 }
 
+double mrays_per_second(std::uint64_t rays, double seconds) {
+  return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
+}
+
 double Stopwatch::lap() {
   const auto now = std::chrono::steady_clock::now();
   const std::chrono::duration<double> passed = now - last_;

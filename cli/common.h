@@ -121,4 +121,7 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
+/// Million rays per second, for reports; 0 where no time passed.
+double mrays_per_second(std::uint64_t rays, double seconds);
+
 }  // namespace rbvh

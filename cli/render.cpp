@@ -104,7 +104,7 @@ class Renderer {
 
  private:
   // Hits, their surface, the picture and its sum over the samples.
-  static constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 2 * sizeof(Vec3f) + 2 * 4 * sizeof(float);
+  static constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 2 * sizeof(Vec3f) + 8 * sizeof(float);
 
   void render_file(const std::string& path) {
     Stopwatch watch;
@@ -202,9 +202,9 @@ class Renderer {
                                   {"trace", timings_.trace},
                                   {"shade", timings_.shade},
                                   {"write", timings_.write}};
-    const double rate = timings_.trace > 0 ? static_cast<double>(counts_.rays) / timings_.trace / 1e6 : 0;
-    context_.report["counts"] = {
-        {"images", counts_.images}, {"rays", counts_.rays}, {"mrays_per_second", rate}};
+    context_.report["counts"] = {{"images", counts_.images},
+                                 {"rays", counts_.rays},
+                                 {"mrays_per_second", mrays_per_second(counts_.rays, timings_.trace)}};
     context_.report["bytes"] = counts_.bytes;
   }
 

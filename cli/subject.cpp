@@ -1,5 +1,7 @@
 #include "cli/subject.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
@@ -8,6 +10,7 @@
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/scan/complete_cloud.h"
+#include "pipeline/scan/ingest.h"
 
 namespace rbvh {
 namespace {
@@ -46,9 +49,7 @@ bool is_rbvh(const std::string& path) {
 Scan load_exact_scan(Context& context, const std::string& path) {
   check_budget(context, file_bytes(path) * kScanBytesPerFileByte, path, "reading it");
   Scan scan = shift_to_float(read_scan(path));
-  const Bounds3f box = bounds(scan);
-  if (box.empty()) throw Error(ExitCode::kInput, path, "no vertex has finite coordinates");
-  if (!(box.diagonal() > 0)) throw Error(ExitCode::kInput, path, "all points are equal");
+  check_usable(scan, path);
   if (scan.is_cloud()) complete_cloud(scan, {}, context.progress.callback());
   return scan;
 }
@@ -89,9 +90,8 @@ std::vector<std::string> choose_levels(const Subject& subject, const std::vector
     } else if (std::find(present.begin(), present.end(), name) != present.end()) {
       choose(name);
     } else {
-      std::string there;
-      for (const std::string& each : present) there += (there.empty() ? "" : ", ") + each;
-      throw Error(ExitCode::kUsage, subject.path, "there is no level '" + name + "'; there are " + there);
+      throw Error(ExitCode::kUsage, subject.path,
+                  fmt::format("there is no level '{}'; there are {}", name, fmt::join(present, ", ")));
     }
   }
   return chosen;

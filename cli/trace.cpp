@@ -117,11 +117,10 @@ void run_trace(Context& context, const TraceOptions& options) {
                       " rays are not finite or have no direction; they miss");
   context.report["device"] = device_json(device.info());
   context.report["timings"] = {{"load", load_seconds}, {"upload", upload_seconds}, {"trace", cast_seconds}};
-  context.report["counts"] = {
-      {"rays", rays.rows},
-      {"hits", found},
-      {"unusable_rays", unusable},
-      {"mrays_per_second", cast_seconds > 0 ? static_cast<double>(rays.rows) / cast_seconds / 1e6 : 0.0}};
+  context.report["counts"] = {{"rays", rays.rows},
+                              {"hits", found},
+                              {"unusable_rays", unusable},
+                              {"mrays_per_second", mrays_per_second(rays.rows, cast_seconds)}};
   context.report["bytes"] = table.size() * sizeof(float);
   context.report["level"] = level;
 }

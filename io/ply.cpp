@@ -233,24 +233,10 @@ class BinarySource {
     }
     return 0;
   }
+  /// Of an integer type: none is so wide that a double would round it.
   std::int64_t integer(Type type) {
-    switch (type) {
-      case Type::kInt8:
-        return take<std::int8_t>();
-      case Type::kUint8:
-        return take<std::uint8_t>();
-      case Type::kInt16:
-        return take<std::int16_t>();
-      case Type::kUint16:
-        return take<std::uint16_t>();
-      case Type::kInt32:
-        return take<std::int32_t>();
-      case Type::kUint32:
-        return take<std::uint32_t>();
-      default:
-        break;
-    }
-    RBVH_CHECK(false);
+    RBVH_CHECK(is_integer(type));
+    return static_cast<std::int64_t>(number(type));
   }
   void skip(Type type, std::uint64_t count) {
     need(count > available() ? available() + 1 : count * size_of(type));

@@ -46,7 +46,8 @@ std::size_t count_objects(const Scan& scan) {
 void check_usable(const Scan& scan, const std::string& file) {
   const Bounds3f box = bounds(scan);
   if (box.empty()) throw Error(ExitCode::kInput, file, "has no point with finite coordinates");
-  if (box.lo == box.hi) throw Error(ExitCode::kInput, file, "all points are equal: there is no surface");
+  if (!(box.diagonal() > 0))  // also where it is too small for float
+    throw Error(ExitCode::kInput, file, "all points are equal: there is no surface");
 }
 
 Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, IngestReport& counts,
