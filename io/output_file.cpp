@@ -163,7 +163,7 @@ std::string temporary_name(const std::string& folder, const std::string& path, i
 // Creates it anew, never through a link that somebody left there, and registers it for removal.
 std::string create_temporary(const std::string& folder, const std::string& path) {
   for (int attempt = 0;; ++attempt) {
-    const std::string name = temporary_name(folder, path, attempt);
+    std::string name = temporary_name(folder, path, attempt);
     if (name.size() >= PATH_MAX) fail(path, "cannot be created", ENAMETOOLONG);
     const HoldInterrupts hold;
     const Descriptor file{::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666)};

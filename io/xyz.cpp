@@ -159,8 +159,7 @@ class XyzReader {
     for (const std::string_view text : names_) {
       const auto cells = Cells(separator_of(text)).cut(text);
       if (cells.size() != columns) continue;
-      std::vector<std::string> names;
-      for (const std::string_view cell : cells) names.emplace_back(cell);
+      std::vector<std::string> names(cells.begin(), cells.end());
       std::array<std::size_t, 3> found{};
       bool all = true;
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -267,8 +266,10 @@ class XyzReader {
         std::vector<Vec3f> vectors = three(i, i + 1, i + 2);
         const bool normals = scan_.normals.empty() && are_normals(vectors);
         const bool color = !normals && colors.empty() && are_colors(i);
-        if (normals) scan_.normals = std::move(vectors);
-        if (color) colors = std::move(vectors);
+        if (normals)
+          scan_.normals = std::move(vectors);
+        else if (color)
+          colors = std::move(vectors);
         if (normals || color) taken[i] = taken[i + 1] = taken[i + 2] = true;
         i += normals || color ? 3 : 1;
       }

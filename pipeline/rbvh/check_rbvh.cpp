@@ -33,13 +33,13 @@ bool is_name(const std::string& name) {
 bool is_invertible(const float* m) {
   Vec3d row[3];
   double size[3];
-  for (int i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < 3; ++i) {
     row[i] = {m[4 * i], m[4 * i + 1], m[4 * i + 2]};
     size[i] = length(row[i]);
     if (!(size[i] >= 1 / kLargestValue && size[i] <= kLargestValue)) return false;
   }
   for (int i = 0; i < 3; ++i) {
-    const int k = (i + 1) % 3;
+    const std::size_t k = (i + 1) % 3;
     if (!(std::abs(dot(row[i], row[k])) <= 1e-3 * size[i] * size[k])) return false;
   }
   return true;

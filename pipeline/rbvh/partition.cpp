@@ -114,8 +114,9 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     sums = device_sums.read();
     children.assign(2 * active.size(), {});
     for (std::size_t r = 0; r < runs.size(); ++r) {
-      add(children[2 * runs[r].owner], sums[2 * r]);
-      add(children[2 * runs[r].owner + 1], sums[2 * r + 1]);
+      const std::size_t left = std::size_t{2} * runs[r].owner;
+      add(children[left], sums[2 * r]);
+      add(children[left + 1], sums[2 * r + 1]);
     }
     stuck = false;
     for (std::size_t k = 0; k < active.size(); ++k) {
@@ -134,7 +135,7 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     const PartitionNode& node = nodes[active[runs[r].owner]];
     if (runs[r].begin == node.begin) {
       at[0] = node.begin;
-      at[1] = node.begin + children[2 * runs[r].owner].count;
+      at[1] = node.begin + children[std::size_t{2} * runs[r].owner].count;
     }
     for (std::uint32_t side = 0; side < 2; ++side) {
       targets[2 * r + side] = at[side];
@@ -168,6 +169,7 @@ void split_nodes(Partition& partition, const Primitives& primitives, std::vector
   std::erase_if(active, [&](std::uint32_t n) { return nodes[n].count() < 2; });
   while (!active.empty()) {
     std::vector<Split> splits;
+    splits.reserve(active.size());
     for (const std::uint32_t n : active) splits.push_back(spatial_median(nodes[n]));
     const std::size_t first_child = nodes.size();
     split_level(partition, primitives, active, std::move(splits));

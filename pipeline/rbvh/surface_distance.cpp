@@ -71,7 +71,7 @@ struct TileFrame {
 
   explicit TileFrame(const RbvhLeaf& leaf) {
     Vec3d* const axes[3] = {&u, &v, &w};
-    for (int i = 0; i < 3; ++i) {
+    for (std::size_t i = 0; i < 3; ++i) {
       const float* row = leaf.to_tile + 4 * i;
       const Vec3d r{static_cast<double>(row[0]), static_cast<double>(row[1]), static_cast<double>(row[2])};
       *axes[i] = r * (1 / dot(r, r));

@@ -14,12 +14,12 @@ float surface(const RbvhNode& n) {
 
 }  // namespace
 
-WideNodes flatten_wide(const std::vector<RbvhNode>& nodes, std::uint32_t width) {
+WideNodes flatten_wide(const std::vector<RbvhNode>& nodes, std::size_t width) {
   struct Job {
     std::uint32_t binary, wide, waiting;
   };
   WideNodes out;
-  const std::size_t words = 7 * static_cast<std::size_t>(width);
+  const std::size_t words = 7 * width;
   std::uint32_t count = 1;
   std::vector<Job> jobs = {{0, 0, 0}};
   std::vector<std::uint32_t> children;
@@ -41,15 +41,15 @@ WideNodes flatten_wide(const std::vector<RbvhNode>& nodes, std::uint32_t width) 
     out.words.resize(std::max(out.words.size(), words * (static_cast<std::size_t>(job.wide) + 1)));
     const std::uint32_t waiting = job.waiting + static_cast<std::uint32_t>(children.size()) - 1;
     out.stack_needed = std::max(out.stack_needed, waiting + 1);
-    for (std::uint32_t k = 0; k < width; ++k) {
+    for (std::size_t k = 0; k < width; ++k) {
       std::uint32_t* slot = out.words.data() + words * job.wide + k;
       if (k >= children.size()) {
-        for (std::uint32_t i = 0; i < 6; ++i) slot[i * width] = std::bit_cast<std::uint32_t>(1e38f);
+        for (std::size_t i = 0; i < 6; ++i) slot[i * width] = std::bit_cast<std::uint32_t>(1e38f);
         slot[6 * width] = static_cast<std::uint32_t>(std::numeric_limits<std::int32_t>::min());
         continue;
       }
       const RbvhNode& child = nodes[children[k]];
-      for (std::uint32_t i = 0; i < 3; ++i) {
+      for (std::size_t i = 0; i < 3; ++i) {
         slot[i * width] = std::bit_cast<std::uint32_t>(child.lo[i]);
         slot[(3 + i) * width] = std::bit_cast<std::uint32_t>(child.hi[i]);
       }

@@ -18,6 +18,6 @@ struct WideNodes {
 
 /// Opens, again and again, the largest inner child until `width` children are found. A tree that is one leaf
 /// becomes one node with one child.
-WideNodes flatten_wide(const std::vector<RbvhNode>& nodes, std::uint32_t width);
+WideNodes flatten_wide(const std::vector<RbvhNode>& nodes, std::size_t width);
 
 }  // namespace rbvh

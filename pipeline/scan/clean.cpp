@@ -33,6 +33,8 @@ std::uint64_t bits(float value) { return std::bit_cast<std::uint32_t>(value + 0.
 
 template <class T>
 bool same_bits(const std::vector<T>& values, std::uint32_t a, std::uint32_t b) {
+  // -0 and 0 differ, NaN equals itself: as mix_bytes() hashes them.
+  // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
   return values.empty() || std::memcmp(&values[a], &values[b], sizeof(T)) == 0;
 }
 

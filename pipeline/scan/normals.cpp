@@ -10,7 +10,8 @@ namespace {
 constexpr std::size_t kGrain = 4096;
 /// Edges of the graph a point: spread over its neighbours, so that scan lines far apart are joined too.
 constexpr std::size_t kEdges = 8;
-constexpr std::size_t kWeights = 1024;
+/// Weights of edges in turn(); those that lead off a plane begin at the first.
+constexpr std::size_t kOffPlaneWeight = 512, kWeights = 2 * kOffPlaneWeight;
 /// Squared sine of the angle between an edge and a plane from which on it leads off the plane.
 constexpr float kOffPlane = 0.25f;
 
@@ -81,14 +82,14 @@ struct Turn {
 /// the plane halfway. Edges that lead off both points' planes, to another sheet or another return of the same
 /// pulse, come last and leave the normal as it is.
 Turn turn(Vec3f from, Vec3f to, Vec3f n_from, Vec3f n_to) {
-  constexpr float kHalf = static_cast<float>(kWeights / 2 - 1);
+  constexpr float kHalf = static_cast<float>(kOffPlaneWeight - 1);
   const Vec3f d = to - from;
   const float squared = dot(d, d), off_from = dot(d, n_from), off_to = dot(d, n_to);
   const float off = std::max(off_from * off_from, off_to * off_to);
   const bool along = squared > 0 && off < kOffPlane * squared;
   const float agreement = dot(along ? n_from - d * (2 * off_from / squared) : n_from, n_to);
   const float change = 1 - std::min(1.0f, std::abs(agreement));
-  return {agreement < 0, static_cast<std::size_t>(change * kHalf) + (along ? 0 : kWeights / 2)};
+  return {agreement < 0, static_cast<std::size_t>(change * kHalf) + (along ? 0 : kOffPlaneWeight)};
 }
 
 /// All edges, those of least weight first, in a fixed order.
