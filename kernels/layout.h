@@ -102,6 +102,25 @@ typedef struct Split {
 } Split;
 RBVH_LAYOUT_SIZE(Split, 24);
 
+// A node of the partition, as the search for a tile's guests reads it: references [begin, end).
+typedef struct PartitionBox {
+  float lo[3];
+  rbvh_i32 left;  // its children are left and left + 1; -1: none
+  float hi[3];
+  rbvh_u32 begin;
+  rbvh_u32 end;
+} PartitionBox;
+RBVH_LAYOUT_SIZE(PartitionBox, 36);
+
+// What touches the box and is not among the references [begin, end) is a guest.
+typedef struct GuestQuery {
+  float lo[3];
+  rbvh_u32 begin;
+  float hi[3];
+  rbvh_u32 end;
+} GuestQuery;
+RBVH_LAYOUT_SIZE(GuestQuery, 32);
+
 // Sums over some primitives; `count` of them.
 typedef struct PrimitiveSums {
   float lo[3];
@@ -141,14 +160,19 @@ typedef struct RasterTile {
 } RasterTile;
 RBVH_LAYOUT_SIZE(RasterTile, 64);
 
-// What is known of a tile once all its primitives are in.
-typedef struct TileSummary {
-  rbvh_u32 lo, hi;    // fine quanta, over covered texels
-  rbvh_u32 used;      // covered texels
-  rbvh_u32 layered;   // texels that two layers share
-  rbvh_u32 steps;     // pairs of neighbouring texels too far apart in height to be one surface
-} TileSummary;
-RBVH_LAYOUT_SIZE(TileSummary, 20);
+// Why a tile is better split.
+typedef struct TileFaults {
+  rbvh_u32 layered;  // texels that two layers share
+  rbvh_u32 steps;    // pairs of neighbouring texels too far apart in height to be one surface
+} TileFaults;
+RBVH_LAYOUT_SIZE(TileFaults, 8);
+
+// A finished tile's heights.
+typedef struct TileRange {
+  rbvh_u32 lo, hi;  // fine quanta, over covered texels
+  rbvh_u32 used;    // covered texels
+} TileRange;
+RBVH_LAYOUT_SIZE(TileRange, 12);
 
 #ifndef __OPENCL_VERSION__
 }  // namespace rbvh

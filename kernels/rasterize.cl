@@ -84,17 +84,9 @@ static inline uint make_key(float distance, float reach, float w) {
 
 // What a primitive has to say of one texel. distance < 0: nothing.
 typedef struct {
-  float distance;  // texels, capped at 2 reach; 0: it covers the centre
+  float distance;  // texels, capped at 2 reach; a triangle: 0 where it covers the centre; a disc: up to reach
   float w;
 } Sample;
-
-#define FOR_EACH_TEXEL(tile, lo, hi, reach)                                                  \
-  const int x0 = max(0, (int)ceil((lo).x - (reach)));                                        \
-  const int x1 = min((int)(tile)->width - 1, (int)floor((hi).x + (reach)));                  \
-  const int y0 = max(0, (int)ceil((lo).y - (reach)));                                        \
-  const int y1 = min((int)(tile)->height - 1, (int)floor((hi).y + (reach)));                 \
-  for (int y = y0; y <= y1; ++y)                                                             \
-    for (int x = x0; x <= x1; ++x)
 
 // A triangle in tile space, ready to be asked.
 typedef struct {
@@ -151,6 +143,15 @@ static inline Sample sample_triangle(const TileTriangle* t, float2 x, float reac
   return s;
 }
 
+// Outside, those of the nearest point but for a sliver's error.
+static inline float3 barycentric(const TileTriangle* t, float2 x) {
+  const float inv = t->flat ? 0.0f : 1.0f / edge_value(t->a, t->b, t->c);
+  const float3 k = (float3)(clamp(edge_value(t->b, t->c, x) * inv, 0.0f, 1.0f),
+                            clamp(edge_value(t->c, t->a, x) * inv, 0.0f, 1.0f),
+                            clamp(edge_value(t->a, t->b, x) * inv, 0.0f, 1.0f));
+  return t->flat ? (float3)(1.0f / 3) : k / (k.x + k.y + k.z);
+}
+
 // A disc in tile space: its plane as w = center.z - lean . (x - center), and lengths in texels.
 typedef struct {
   float4 center;
@@ -186,11 +187,59 @@ static inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
   const float rise = -dot(d->lean, step);
   const float away = sqrt(dot(step, step) + rise * rise * d->w_texels * d->w_texels);
   s.w = d->center.z + rise;
-  s.distance = away <= d->radius ? reach * away / d->radius
+  s.distance = away <= d->radius ? 0.0f
                : away <= d->radius + 1.42f * reach ? reach * (1.0f + (away - d->radius) / (1.42f * reach))
                                                    : -1.0f;
   if (d->flat && s.distance >= 0.0f) s.distance = 2.0f * reach;
   return s;
+}
+
+// Either of them, and the texels that it may have a say on.
+typedef struct {
+  TileTriangle triangle;
+  TileDisc disc;
+  int x0, x1, y0, y1;
+  int is_disc, is_back, flat;
+} TilePrimitive;
+
+static inline TilePrimitive make_primitive(__global const RasterTile* tile, __global const float* s, uint is_disc,
+                                           float reach) {
+  TilePrimitive p;
+  float2 lo, hi;
+  p.is_disc = is_disc != 0;
+  if (is_disc) {
+    p.disc = make_disc(tile, s);
+    lo = p.disc.center.xy - p.disc.radius;
+    hi = p.disc.center.xy + p.disc.radius;
+    p.is_back = p.disc.is_back;
+    p.flat = p.disc.flat;
+  } else {
+    const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
+                 c = to_tile(tile->to_tile, load3(s, 2));
+    p.triangle = make_triangle(a, b, c, tile->texel_w);
+    lo = min(a.xy, min(b.xy, c.xy));
+    hi = max(a.xy, max(b.xy, c.xy));
+    p.is_back = p.triangle.sign < 0.0f;
+    p.flat = p.triangle.flat;
+  }
+  p.x0 = max(0, (int)ceil(lo.x - reach));
+  p.x1 = min((int)tile->width - 1, (int)floor(hi.x + reach));
+  p.y0 = max(0, (int)ceil(lo.y - reach));
+  p.y1 = min((int)tile->height - 1, (int)floor(hi.y + reach));
+  return p;
+}
+
+#define FOR_EACH_TEXEL(p)                  \
+  for (int y = (p).y0; y <= (p).y1; ++y) \
+    for (int x = (p).x0; x <= (p).x1; ++x)
+
+static inline Sample sample_primitive(const TilePrimitive* p, int x, int y, float reach) {
+  const float2 at = (float2)((float)x, (float)y);
+  return p->is_disc ? sample_disc(&p->disc, at, reach) : sample_triangle(&p->triangle, at, reach);
+}
+
+static inline bool covers(const TilePrimitive* p, Sample q, float reach) {
+  return p->is_disc ? !p->flat && q.distance <= reach : q.distance == 0.0f;
 }
 
 static inline uint fine(float w) { return (uint)clamp(w, 0.0f, RBVH_FINE_MAX); }
@@ -203,60 +252,64 @@ static inline void raise(volatile __global uint* p, uint value) {
 // keys: the winner. lowest, highest: what covers the texel's centre, to see two layers; kept as
 // RBVH_FINE_MAX - w and w, each plus one, 0: nothing. backs: per tile, how often a texel's centre is covered by
 // what faces away.
-static inline void put(__global uint* keys, __global uint* lowest, __global uint* highest, uint at, Sample q, float reach,
-                int covers) {
-  raise(keys + at, make_key(q.distance, reach, q.w));
-  if (covers) {
-    raise(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
-    raise(highest + at, fine(q.w) + 1u);
-  }
-}
-
-__kernel void rasterize_triangles(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                                  __global const uint* references, __global const float* shape, float reach,
-                                  __global uint* keys, __global uint* lowest, __global uint* highest,
-                                  __global uint* backs) {
+__kernel void rasterize(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                        __global const uint* references, __global const float* shape, uint is_disc, float reach,
+                        __global uint* keys, __global uint* lowest, __global uint* highest, __global uint* backs) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
   uint back = 0;
   for (uint i = runs[r].begin; i < end; ++i) {
-    __global const float* s = shape + 9 * (size_t)references[i];
-    const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
-                 c = to_tile(tile->to_tile, load3(s, 2));
-    const TileTriangle t = make_triangle(a, b, c, tile->texel_w);
-    const float4 lo = min(a, min(b, c)), hi = max(a, max(b, c));
-    FOR_EACH_TEXEL(tile, lo, hi, reach) {
-      const Sample q = sample_triangle(&t, (float2)((float)x, (float)y), reach);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)references[i], is_disc, reach);
+    FOR_EACH_TEXEL(p) {
+      const Sample q = sample_primitive(&p, x, y, reach);
       if (q.distance < 0.0f) continue;
-      put(keys, lowest, highest, tile->offset + (uint)y * tile->width + (uint)x, q, reach, q.distance == 0.0f);
-      back += q.distance == 0.0f && t.sign < 0.0f;
+      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
+      raise(keys + at, make_key(q.distance, reach, q.w));
+      if (!covers(&p, q, reach)) continue;
+      raise(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
+      raise(highest + at, fine(q.w) + 1u);
+      back += p.is_back;
     }
   }
   if (back != 0) atomic_add(backs + runs[r].owner, back);
 }
 
-__kernel void rasterize_discs(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                              __global const uint* references, __global const float* shape, float reach,
-                              __global uint* keys, __global uint* lowest, __global uint* highest,
-                                  __global uint* backs) {
+// --- the rim --------------------------------------------------------------------------------------------------------
+
+// What the neighbouring tiles' primitives have to say of the texels that this tile's own reach: the same surface within
+// `gap` texels of its own is a candidate like its own; anything else there only says that the surface goes on (1).
+__kernel void rasterize_guests(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                               __global const uint* guests, __global const float* shape, uint is_disc, float reach,
+                               float gap, __global const uint* keys, __global uint* guest_keys) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
-  uint back = 0;
   for (uint i = runs[r].begin; i < end; ++i) {
-    const TileDisc d = make_disc(tile, shape + 9 * (size_t)references[i]);
-    FOR_EACH_TEXEL(tile, d.center - d.radius, d.center + d.radius, reach) {
-      const Sample q = sample_disc(&d, (float2)((float)x, (float)y), reach);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)guests[i], is_disc, reach);
+    FOR_EACH_TEXEL(p) {
+      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
+      if (keys[at] == 0) continue;
+      const Sample q = sample_primitive(&p, x, y, reach);
       if (q.distance < 0.0f) continue;
-      put(keys, lowest, highest, tile->offset + (uint)y * tile->width + (uint)x, q, reach,
-          !d.flat && q.distance <= reach);
-      back += !d.flat && q.distance <= reach && d.is_back;
+      const float own = (float)(keys[at] & 0xffffffu);
+      const bool same = !is_disc && !p.is_back && !p.flat && fabs(q.w - own) <= gap * tile->texel_w;
+      raise(guest_keys + at, same ? make_key(q.distance, reach, q.w) : 1u);
     }
   }
-  if (back != 0) atomic_add(backs + runs[r].owner, back);
+}
+
+// A guest takes a texel that it is nearer to. Where there is none the surface ends: the tile reaches less far.
+__kernel void rasterize_merge(__global uint* keys, __global const uint* guest_keys, uint count, uint least_open_rank) {
+  const uint at = get_global_id(0);
+  if (at >= count) return;
+  const uint own = keys[at], guest = guest_keys[at];
+  if (own >> 24 < guest >> 24)
+    keys[at] = guest;
+  else if (guest == 0 && own >> 24 < least_open_rank)
+    keys[at] = 0;
 }
 
 // --- signals on the surface -----------------------------------------------------------------------------------------
@@ -284,98 +337,83 @@ static inline float4 color_of(__global const uint* colors, uint i) {
 
 // The same primitives again: those whose key won give the texel their normal (and colour), interpolated at its
 // centre. Of equal keys the largest value wins, so the order does not matter here either.
-__kernel void rasterize_triangle_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                                         __global const uint* references, __global const float* shape, float reach,
-                                         __global const uint* keys, __global const uint* order,
-                                         __global const uint* indices, __global const float* normals,
-                                         __global const uint* colors, uint has_colors,
-                                         __global uint* texel_normals, __global uint* texel_colors) {
+__kernel void rasterize_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                                __global const uint* references, __global const float* shape, uint is_disc,
+                                float reach, __global const uint* keys, __global const uint* order,
+                                __global const uint* indices, __global const float* normals,
+                                __global const uint* colors, uint has_colors, __global uint* texel_normals,
+                                __global uint* texel_colors) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
   for (uint i = runs[r].begin; i < end; ++i) {
     const uint j = references[i];
-    __global const float* s = shape + 9 * (size_t)j;
-    const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
-                 c = to_tile(tile->to_tile, load3(s, 2));
-    const TileTriangle t = make_triangle(a, b, c, tile->texel_w);
-    const float4 lo = min(a, min(b, c)), hi = max(a, max(b, c));
-    __global const uint* corner = indices + 3 * (size_t)order[j];
-    const float inv = t.flat ? 0.0f : 1.0f / edge_value(t.a, t.b, t.c);
-    FOR_EACH_TEXEL(tile, lo, hi, reach) {
-      const float2 p = (float2)((float)x, (float)y);
-      const Sample q = sample_triangle(&t, p, reach);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)j, is_disc, reach);
+    FOR_EACH_TEXEL(p) {
+      const Sample q = sample_primitive(&p, x, y, reach);
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
-      float ka = clamp(edge_value(t.b, t.c, p) * inv, 0.0f, 1.0f), kb = clamp(edge_value(t.c, t.a, p) * inv, 0.0f, 1.0f),
-            kc = clamp(edge_value(t.a, t.b, p) * inv, 0.0f, 1.0f);
-      if (t.flat) ka = kb = kc = 1.0f;
-      const float sum = 1.0f / (ka + kb + kc);
-      ka *= sum;
-      kb *= sum;
-      kc *= sum;
-      raise(texel_normals + at, pack_normal(load3(normals, corner[0]) * ka + load3(normals, corner[1]) * kb +
-                                                 load3(normals, corner[2]) * kc));
+      if (is_disc) {
+        raise(texel_normals + at, pack_normal(load3(normals, order[j])));
+        if (has_colors) raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, order[j])));
+        continue;
+      }
+      __global const uint* corner = indices + 3 * (size_t)order[j];
+      const float3 k = barycentric(&p.triangle, (float2)((float)x, (float)y));
+      raise(texel_normals + at, pack_normal(load3(normals, corner[0]) * k.x + load3(normals, corner[1]) * k.y +
+                                            load3(normals, corner[2]) * k.z));
       if (has_colors)
-        raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, corner[0]) * ka +
-                                                            color_of(colors, corner[1]) * kb +
-                                                            color_of(colors, corner[2]) * kc));
-    }
-  }
-}
-
-__kernel void rasterize_disc_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                                     __global const uint* references, __global const float* shape, float reach,
-                                     __global const uint* keys, __global const uint* order,
-                                     __global const uint* indices, __global const float* normals,
-                                     __global const uint* colors, uint has_colors, __global uint* texel_normals,
-                                     __global uint* texel_colors) {
-  const uint r = get_global_id(0);
-  if (r >= run_count) return;
-  const uint end = runs[r].end;
-  __global const RasterTile* tile = tiles + runs[r].owner;
-  for (uint i = runs[r].begin; i < end; ++i) {
-    const uint j = references[i], point = order[j];
-    const TileDisc d = make_disc(tile, shape + 9 * (size_t)j);
-    FOR_EACH_TEXEL(tile, d.center - d.radius, d.center + d.radius, reach) {
-      const Sample q = sample_disc(&d, (float2)((float)x, (float)y), reach);
-      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
-      if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
-      raise(texel_normals + at, pack_normal(load3(normals, point)));
-      if (has_colors) raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, point)));
+        raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, corner[0]) * k.x +
+                                                       color_of(colors, corner[1]) * k.y +
+                                                       color_of(colors, corner[2]) * k.z));
     }
   }
 }
 
 // --- what came out --------------------------------------------------------------------------------------------------
 
-// `layer_gap`, `step_limit`: in texels.
-__kernel void rasterize_summarize(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
-                                  __global const uint* lowest, __global const uint* highest, float layer_gap,
-                                  float step_limit, __global TileSummary* summaries) {
+// What a tile alone shows of itself, before it looks at its neighbours. `layer_gap`, `step_limit`: in texels.
+__kernel void rasterize_faults(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
+                               __global const uint* lowest, __global const uint* highest, float layer_gap,
+                               float step_limit, __global TileFaults* faults) {
   const uint k = get_global_id(0);
   if (k >= tile_count) return;
   const RasterTile tile = tiles[k];
-  TileSummary s;
-  s.lo = 0xffffffffu;
-  s.hi = s.used = s.layered = s.steps = 0;
+  TileFaults f;
+  f.layered = f.steps = 0;
   const float gap = layer_gap * tile.texel_w, step = step_limit * tile.texel_w;
   for (uint y = 0; y < tile.height; ++y)
     for (uint x = 0; x < tile.width; ++x) {
       const uint at = tile.offset + y * tile.width + x;
       const uint key = keys[at];
       if (key == 0) continue;
-      const uint w = key & 0xffffffu;
-      s.lo = min(s.lo, w);
-      s.hi = max(s.hi, w);
-      s.used++;
-      if (highest[at] != 0 && (float)(highest[at] - 1u) - (RBVH_FINE_MAX - (float)(lowest[at] - 1u)) > gap) s.layered++;
+      const float w = (float)(key & 0xffffffu);
+      if (highest[at] != 0 && (float)(highest[at] - 1u) - (RBVH_FINE_MAX - (float)(lowest[at] - 1u)) > gap) f.layered++;
       const uint right = x + 1 < tile.width ? keys[at + 1] : 0, below = y + 1 < tile.height ? keys[at + tile.width] : 0;
-      if (right != 0 && fabs((float)(right & 0xffffffu) - (float)w) > step) s.steps++;
-      if (below != 0 && fabs((float)(below & 0xffffffu) - (float)w) > step) s.steps++;
+      if (right != 0 && fabs((float)(right & 0xffffffu) - w) > step) f.steps++;
+      if (below != 0 && fabs((float)(below & 0xffffffu) - w) > step) f.steps++;
     }
-  summaries[k] = s;
+  faults[k] = f;
+}
+
+__kernel void rasterize_range(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
+                              __global TileRange* ranges) {
+  const uint k = get_global_id(0);
+  if (k >= tile_count) return;
+  const uint begin = tiles[k].offset, end = begin + tiles[k].width * tiles[k].height;
+  TileRange range;
+  range.lo = 0xffffffffu;
+  range.hi = range.used = 0;
+  for (uint at = begin; at < end; ++at) {
+    const uint key = keys[at];
+    if (key == 0) continue;
+    const uint w = key & 0xffffffu;
+    range.lo = min(range.lo, w);
+    range.hi = max(range.hi, w);
+    range.used++;
+  }
+  ranges[k] = range;
 }
 
 // Heights in 16-bit quanta over the tile's own range: 1 + round((w - lo) * 65534 / range); 0: no surface.

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/guests.h"
 
 namespace rbvh {
 namespace {
@@ -115,6 +116,17 @@ RasterTile make_raster_tile(const PartitionNode& node, const TileAxes& axes, con
   return tile;
 }
 
+/// In scan units.
+float texel_size(const RasterTile& tile) {
+  return 1.0f / length(Vec3f{tile.to_tile[0], tile.to_tile[1], tile.to_tile[2]});
+}
+
+/// The rank (kernels/rasterize.cl) of what lies open_reach texels past a primitive.
+std::uint32_t least_open_rank(bool discs, const RasterConfig& config) {
+  const float distance = discs ? config.reach + config.open_reach / 1.42f : config.open_reach;
+  return static_cast<std::uint32_t>(254.0f - distance * (126.5f / config.reach));
+}
+
 }  // namespace
 
 float tile_resolution(const PartitionNode& node, float rho) {
@@ -164,30 +176,70 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
   keys.fill(0);
   lowest.fill(0);
   highest.fill(0);
-  device.kernel("rasterize", primitives.discs ? "rasterize_discs" : "rasterize_triangles")
+  const std::uint32_t discs = primitives.discs ? 1 : 0;
+  device.kernel("rasterize", "rasterize")
       .run(runs.size(), group, device_runs, run_count, device_tiles, partition.references, primitives.shape,
-           config.reach, keys, lowest, highest, backs);
-  const Buffer<TileSummary> device_summaries(device, tiles.size());
-  device.kernel("rasterize", "rasterize_summarize")
+           discs, config.reach, keys, lowest, highest, backs);
+
+  const Buffer<TileFaults> device_faults(device, tiles.size());
+  device.kernel("rasterize", "rasterize_faults")
       .run(tiles.size(), group, device_tiles, tile_count, keys, lowest, highest, config.layer_gap,
-           config.step_limit, device_summaries);
-  const std::vector<TileSummary> summaries = device_summaries.read();
+           config.step_limit, device_faults);
+
+  std::vector<GuestQuery> queries(tiles.size());
+  for (std::size_t k = 0; k < tiles.size(); ++k) {
+    const PartitionNode& node = partition.nodes[nodes[k]];
+    const float reach = config.reach * texel_size(tiles[k]);
+    for (int c = 0; c < 3; ++c) {
+      queries[k].lo[c] = node.sums.lo[c] - reach;
+      queries[k].hi[c] = node.sums.hi[c] + reach;
+    }
+    queries[k].begin = node.begin;
+    queries[k].end = node.end;
+  }
+  const Guests guests = find_guests(partition, primitives, queries);
+  std::vector<Run> guest_run_list;
+  for (std::uint32_t k = 0; k < tiles.size(); ++k)
+    append_runs(guest_run_list, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
+  const auto guest_run_count = static_cast<std::uint32_t>(guest_run_list.size());
+  const Buffer<Run> guest_runs(device, guest_run_list);
+  {
+    Buffer<std::uint32_t> guest_keys(device, texel_count);
+    guest_keys.fill(0);
+    device.kernel("rasterize", "rasterize_guests")
+        .run(guest_run_count, group, guest_runs, guest_run_count, device_tiles, guests.primitives,
+             primitives.shape, discs, config.reach, config.layer_gap, keys, guest_keys);
+    device.kernel("rasterize", "rasterize_merge")
+        .run(texel_count, 256, keys, guest_keys, static_cast<std::uint32_t>(texel_count),
+             least_open_rank(primitives.discs, config));
+  }
+
+  const Buffer<TileRange> device_ranges(device, tiles.size());
+  device.kernel("rasterize", "rasterize_range")
+      .run(tiles.size(), group, device_tiles, tile_count, keys, device_ranges);
+  const std::vector<TileRange> ranges = device_ranges.read();
+  const std::vector<TileFaults> faults = device_faults.read();
   const std::vector<std::uint32_t> back_texels = backs.read();
 
   // lowest and highest have served: the signals take their place.
   lowest.fill(0);
   highest.fill(0);
-  device.kernel("rasterize", primitives.discs ? "rasterize_disc_signals" : "rasterize_triangle_signals")
-      .run(runs.size(), group, device_runs, run_count, device_tiles, partition.references, primitives.shape,
-           config.reach, keys, primitives.order, primitives.indices, primitives.normals, primitives.colors,
-           primitives.has_colors ? 1u : 0u, lowest, highest);
+  const auto signals = [&](const Buffer<Run>& of, std::uint32_t count,
+                           const Buffer<std::uint32_t>& references) {
+    device.kernel("rasterize", "rasterize_signals")
+        .run(count, group, of, count, device_tiles, references, primitives.shape, discs, config.reach, keys,
+             primitives.order, primitives.indices, primitives.normals, primitives.colors,
+             primitives.has_colors ? 1u : 0u, lowest, highest);
+  };
+  signals(device_runs, run_count, partition.references);
+  signals(guest_runs, guest_run_count, guests.primitives);
   std::vector<std::uint32_t> bases(tiles.size());
   std::vector<float> scales(tiles.size());
   for (std::size_t k = 0; k < tiles.size(); ++k) {
-    RBVH_CHECK(summaries[k].used > 0);
-    bases[k] = summaries[k].lo;
+    RBVH_CHECK(ranges[k].used > 0);
+    bases[k] = ranges[k].lo;
     // Finer quanta than this fraction of a texel would store noise, and noise does not compress.
-    const auto range = static_cast<float>(summaries[k].hi - summaries[k].lo);
+    const auto range = static_cast<float>(ranges[k].hi - ranges[k].lo);
     scales[k] = std::min(65534.0f / std::max(range, 1.0f), kQuantaPerTexel / tiles[k].texel_w);
   }
   const Buffer<std::uint16_t> heights(device, texel_count);
@@ -219,13 +271,13 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     tile.leaf.width = static_cast<std::uint16_t>(tiles[k].width);
     tile.leaf.height = static_cast<std::uint16_t>(tiles[k].height);
     tile.leaf.primitives = node.count();
-    tile.texels_used = summaries[k].used;
+    tile.texels_used = ranges[k].used;
     tile.first_texel = first + tiles[k].offset;
     tile.has_back = back_texels[k] > 0;
-    tile.is_faulty = tile.has_back || summaries[k].layered > 0 || summaries[k].steps > 0;
+    tile.is_faulty = tile.has_back || faults[k].layered > 0 || faults[k].steps > 0;
     tile.w = Vec3f(vec(axes[k].w));
-    const float texel = 1.0f / length(Vec3f{tiles[k].to_tile[0], tiles[k].to_tile[1], tiles[k].to_tile[2]});
-    const Vec3f pad{0.25f * texel, 0.25f * texel, 0.25f * texel};
+    const float rim = 0.25f * texel_size(tiles[k]);
+    const Vec3f pad{rim, rim, rim};
     tile.bounds = node.bounds();
     tile.bounds.lo = tile.bounds.lo - pad;
     tile.bounds.hi = tile.bounds.hi + pad;

@@ -28,10 +28,11 @@ struct TileTexels {
 };
 
 struct RasterConfig {
-  float rho = 0;         ///< texels per unit of area, scan units: the paper's rho / total area
-  float reach = 1.4f;    ///< texels that a tile reaches past its primitives
-  float layer_gap = 2;   ///< two coverings of a texel further apart (texels) are two layers
-  float step_limit = 3;  ///< neighbours further apart in height (texels) than this are worth a split
+  float rho = 0;             ///< texels per unit of area, scan units: the paper's rho / total area
+  float reach = 1.4f;        ///< texels that a tile reaches past its primitives, where its neighbours' go on
+  float open_reach = 0.75f;  ///< where nothing does: the surface ends there
+  float layer_gap = 2;       ///< two coverings of a texel further apart (texels) are two layers
+  float step_limit = 3;      ///< neighbours further apart in height (texels) than this are worth a split
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.

@@ -56,16 +56,46 @@ TEST(Tile, HasAHeightForEveryTexelOfASlopeToHalfAQuantum) {
   EXPECT_GT(inside, 1500);
 }
 
-TEST(Tile, ReachesPastItsPrimitives) {
+TEST(Tile, CoversAPlateToItsOpenEdgeAndNotMuchMore) {
   Scan scan;
   add_plate(scan, 1, 0);
   const OneTile one = rasterize_whole(scan, 100);
   const RbvhLeaf& leaf = one.tile.leaf;
-  // Every texel of every cell that the plate touches is there: the surface has no gap up to its very edge.
-  EXPECT_EQ(one.tile.texels_used, static_cast<std::uint32_t>(leaf.width * leaf.height));
-  const Vec3d a = texel_point(leaf, 0, 0, 1), b = texel_point(leaf, leaf.width - 1, leaf.height - 1, 1);
-  EXPECT_LT(std::min(a.x, b.x), -0.5);
-  EXPECT_GT(std::max(a.x, b.x), 0.5);
+  const double texel = 1 / length(Vec3d{leaf.to_tile[0], leaf.to_tile[1], leaf.to_tile[2]});
+  Vec3d lo{9, 9, 9}, hi{-9, -9, -9};
+  for (int y = 0; y < leaf.height; ++y)
+    for (int x = 0; x < leaf.width; ++x) {
+      if (one.texels.heights[static_cast<std::size_t>(y * leaf.width + x)] == 0) continue;
+      const Vec3d p = texel_point(leaf, x, y, 1);
+      if (std::abs(p.y) < 0.5) lo.x = std::min(lo.x, p.x), hi.x = std::max(hi.x, p.x);
+      if (std::abs(p.x) < 0.5) lo.y = std::min(lo.y, p.y), hi.y = std::max(hi.y, p.y);
+    }
+  for (const double edge : {-lo.x, -lo.y, hi.x, hi.y}) {
+    EXPECT_GE(edge, 0.5);
+    EXPECT_LE(edge, 0.5 + 0.75 * texel + 1e-6);
+  }
+}
+
+TEST(Tile, FollowsItsNeighboursPastItsOwnPrimitives) {
+  // A roof: the left half is flat, the right half falls off by 45 degrees.
+  Scan scan;
+  add_sheet(scan, 20, [](float s, float t) { return Vec3f{s, t, s > 0.5f ? 0.5f - s : 0.0f}; });
+  const Primitives primitives = upload_primitives(Device::open(), scan);
+  Partition partition = make_root(primitives, false);
+  split_once(partition, primitives, {{0}});
+  TileTexels texels;
+  const std::uint32_t flat = partition.nodes[1].bounds().center().x < 0.5f ? 1 : 2;
+  const Tile tile = rasterize_tiles(primitives, partition, {flat}, RasterConfig{.rho = 1000}, texels)[0];
+  int past = 0;
+  for (int y = 0; y < tile.leaf.height; ++y)
+    for (int x = 0; x < tile.leaf.width; ++x) {
+      const std::uint16_t w = texels.heights[static_cast<std::size_t>(y * tile.leaf.width + x)];
+      const Vec3d p = texel_point(tile.leaf, x, y, w);
+      if (w == 0 || p.y < 0 || p.y > 1 || p.x < 0) continue;
+      past += p.x > 0.505;
+      EXPECT_NEAR(p.z, p.x > 0.5 ? 0.5 - p.x : 0.0, 1e-4) << x << " " << y;
+    }
+  EXPECT_GT(past, 20);
 }
 
 TEST(Tile, SeesTwoLayersStepsAndWhatFacesAway) {
