@@ -89,10 +89,17 @@ Bounds3f to_bounds(const file::Bounds& b) {
 }
 
 template <class To, class From>
-std::vector<To> to_vector(const flatbuffers::Vector<const From*>& from) {
-  std::vector<To> to(from.size());
-  if (!to.empty()) std::memcpy(to.data(), from.Data(), to.size() * sizeof(To));
+std::vector<To> to_vector(const flatbuffers::Vector<const From*>* from) {
+  std::vector<To> to(from != nullptr ? from->size() : 0);
+  if (!to.empty()) std::memcpy(to.data(), from->Data(), to.size() * sizeof(To));
   return to;
+}
+
+/// Of the vectors that a level has in the file.
+std::uint64_t hierarchy_bytes(const Level& level) {
+  return level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) +
+         level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
+         level.exact_primitives.size() * sizeof(RbvhPrimitive);
 }
 
 Level to_level(const file::Level& from) {
@@ -102,8 +109,11 @@ Level to_level(const file::Level& from) {
   level.alpha = from.alpha();
   level.phi_degrees = from.phi_degrees();
   level.bounds = to_bounds(*from.bounds());
-  level.nodes = to_vector<RbvhNode>(*from.nodes());
-  level.leaves = to_vector<RbvhLeaf>(*from.leaves());
+  level.nodes = to_vector<RbvhNode>(from.nodes());
+  level.leaves = to_vector<RbvhLeaf>(from.leaves());
+  level.exact_leaves = to_vector<RbvhExactLeaf>(from.exact_leaves());
+  level.exact_primitives = to_vector<RbvhPrimitive>(from.exact_primitives());
+  level.exact_discs = from.exact_discs();
   level.atlas_width = from.atlas_width();
   level.atlas_height = from.atlas_height();
   for (const file::Layer* layer : *from.layers())
@@ -112,8 +122,7 @@ Level to_level(const file::Level& from) {
   if (const file::Fidelity* f = from.fidelity())
     level.fidelity = {
         f->mask_mismatch_percent(), f->median_dt(), f->p99_dt(), f->holes(), f->leaks(), f->walls(), true};
-  level.stored_bytes =
-      level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) + from.atlas_bytes();
+  level.stored_bytes = hierarchy_bytes(level) + from.atlas_bytes();
   return level;
 }
 
@@ -138,6 +147,10 @@ bool fits_file(const file::Pair& pair, std::uint64_t file_bytes) {
     if (level->layers()->size() > kMaxLayers) return false;
     bytes += std::uint64_t{level->nodes()->size()} * sizeof(RbvhNode) +
              std::uint64_t{level->leaves()->size()} * sizeof(RbvhLeaf);
+    if (level->exact_leaves() != nullptr)
+      bytes += std::uint64_t{level->exact_leaves()->size()} * sizeof(RbvhExactLeaf);
+    if (level->exact_primitives() != nullptr)
+      bytes += std::uint64_t{level->exact_primitives()->size()} * sizeof(RbvhPrimitive);
   }
   return bytes <= file_bytes;
 }
@@ -161,6 +174,9 @@ flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& build
                                            std::uint64_t atlas_bytes) {
   const auto nodes = add_structs<file::Node>(builder, level.nodes);
   const auto leaves = add_structs<file::Leaf>(builder, level.leaves);
+  const bool exact = !level.exact_leaves.empty();
+  const auto exact_leaves = exact ? add_structs<file::ExactLeaf>(builder, level.exact_leaves) : 0;
+  const auto exact_primitives = exact ? add_structs<file::Primitive>(builder, level.exact_primitives) : 0;
   std::vector<flatbuffers::Offset<file::Layer>> layers;
   for (const Layer& layer : level.layers)
     layers.push_back(file::CreateLayer(builder, builder.CreateString(layer.name), layer.channels));
@@ -171,7 +187,8 @@ flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& build
   const file::Fidelity fidelity(f.mask_mismatch_percent, f.median_dt, f.p99_dt, f.holes, f.leaks, f.walls);
   return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, &bounds, nodes, leaves,
                            level.atlas_width, level.atlas_height, layer_vector, level.texels_used,
-                           atlas_bytes, f.measured ? &fidelity : nullptr);
+                           atlas_bytes, f.measured ? &fidelity : nullptr, exact_leaves, exact_primitives,
+                           exact && level.exact_discs);
 }
 
 flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atlas_length,

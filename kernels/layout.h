@@ -81,6 +81,20 @@ typedef struct RbvhLeaf {
 } RbvhLeaf;
 RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
 
+// A leaf whose surface is no height field keeps its primitives: RbvhLeaf.primitives of them, from `first` on. Its tile
+// carries all layers but the height, which is 1 where there is a surface.
+typedef struct RbvhExactLeaf {
+  rbvh_u32 leaf;
+  rbvh_u32 first;
+} RbvhExactLeaf;
+RBVH_LAYOUT_SIZE(RbvhExactLeaf, 8);
+
+// A triangle's corners; or a disc's centre, radius, unit normal and two zeros.
+typedef struct RbvhPrimitive {
+  float shape[9];
+} RbvhPrimitive;
+RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
+
 // --- building -------------------------------------------------------------------------------------------------------
 // A run of primitive references of one node or tile: what one work-item handles.
 typedef struct Run {

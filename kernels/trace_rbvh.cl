@@ -29,19 +29,22 @@ typedef struct Tile {
   float step_limit;  // in height quanta
   float top;         // the largest height
   float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
-  uint unused[2];
+  uint exact_first, exact_count;  // primitives that stand for the heights, if any
 } Tile;
 
-// A level, as the first three arguments of every kernel here, and their names in IN_BOUNDS.
+// A level, as the first five arguments of every kernel here, and their names in IN_BOUNDS.
 typedef struct Level {
   __global const uint* nodes;
   __global const Tile* tiles;
   __global const ushort* heights;
+  __global const RbvhPrimitive* exact;
+  uint discs;  // what they are; else triangles
   BOUNDS_MEMBER
 } Level;
 #define NODES 0u, sizeof(uint)
 #define TILES 1u, sizeof(Tile)
 #define HEIGHTS 2u, sizeof(ushort)
+#define EXACT 3u, sizeof(RbvhPrimitive)
 
 // Sixteen points at a time or one: inside the leaf's box?
 #define INSIDE(tile, x, y, z)                                                                            \
@@ -63,6 +66,66 @@ static inline float any_hi(float16 v) {
   const float2 c = max(b.lo, b.hi);
   return max(c.x, c.y);
 }
+
+// --- leaves that keep their primitives -------------------------------------------------------------------------------
+
+// Where a ray from o, or sixteen, meet a triangle or disc; infinity for nowhere. A triangle is larger by a hundred
+// thousandth, so that no ray slips between two of them.
+#define DEFINE_MEET(NAME, F)                                                                                       \
+  static inline F NAME(__global const RbvhPrimitive* primitive, uint discs, float3 o, F dx, F dy, F dz) {          \
+    const float3 a = vload3(0, primitive->shape), at = o - a;                                                      \
+    if (discs) {                                                                                                   \
+      const float3 n = vload3(0, primitive->shape + 4);                                                            \
+      const float radius = primitive->shape[3];                                                                    \
+      const F t = -dot(n, at) / (n.x * dx + n.y * dy + n.z * dz);                                                  \
+      const F x = at.x + dx * t, y = at.y + dy * t, z = at.z + dz * t;                                             \
+      return select((F)(INFINITY), t, x * x + y * y + z * z <= radius * radius * 1.00002f);                               \
+    }                                                                                                              \
+    const float3 ab = vload3(1, primitive->shape) - a, ac = vload3(2, primitive->shape) - a, q = cross(at, ab);    \
+    const F px = dy * ac.z - dz * ac.y, py = dz * ac.x - dx * ac.z, pz = dx * ac.y - dy * ac.x;                    \
+    const F scale = 1.0f / (ab.x * px + ab.y * py + ab.z * pz);                                                    \
+    const F u = (at.x * px + at.y * py + at.z * pz) * scale, v = (dx * q.x + dy * q.y + dz * q.z) * scale;         \
+    return select((F)(INFINITY), dot(ac, q) * scale, (u >= -1e-5f) & (v >= -1e-5f) & (u + v <= 1.00001f));         \
+  }
+DEFINE_MEET(meet_primitive, float)
+DEFINE_MEET(meet_primitive16, float16)
+
+static inline float3 primitive_normal(__global const RbvhPrimitive* primitive, uint discs) {
+  if (discs) return vload3(0, primitive->shape + 4);
+  const float3 a = vload3(0, primitive->shape);
+  return normalize(cross(vload3(1, primitive->shape) - a, vload3(2, primitive->shape) - a));
+}
+
+// Nearest crossing of the leaf's primitives within (tmin, tmax), or tmax.
+static inline float meet_exact(const Level* level, __global const Tile* tile, float3 o, float3 d, float tmin,
+                               float tmax, uint* steps) {
+  if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return tmax;
+  __global const RbvhPrimitive* p = level->exact + tile->exact_first;
+  *steps += 1;
+  for (uint i = 0; i < tile->exact_count; ++i) {
+    const float t = meet_primitive(p + i, level->discs, o, d.x, d.y, d.z);
+    if (t > tmin && t < tmax) tmax = t;
+  }
+  return tmax;
+}
+
+// The normal of the primitive that was met at t.
+static inline float3 exact_normal(const Level* level, __global const Tile* tile, float3 o, float3 d, float t) {
+  if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return -d;
+  __global const RbvhPrimitive* p = level->exact + tile->exact_first;
+  uint nearest = 0;
+  float least = INFINITY;
+  for (uint i = 0; i < tile->exact_count; ++i) {
+    const float off = fabs(meet_primitive(p + i, level->discs, o, d.x, d.y, d.z) - t);
+    if (off < least) {
+      least = off;
+      nearest = i;
+    }
+  }
+  return primitive_normal(p + nearest, level->discs);
+}
+
+// --- tiles ----------------------------------------------------------------------------------------------------------
 
 // The bilinear height of a patch, NaN where a corner is missing.
 static inline float patch_height(const Level* level, uint offset, int width, int height, float u, float v) {
@@ -106,7 +169,8 @@ static inline void store_hit(__global Hit* hit, const Level* level, float3 origi
     du = isnan(du) ? 0.0f : du;
     dv = isnan(dv) ? 0.0f : dv;
     // Gradient of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
-    const float3 n = normalize(rw - ru * du - rv * dv);
+    const bool exact = tile->exact_count != 0;
+    const float3 n = exact ? exact_normal(level, tile, origin, direction, t) : normalize(rw - ru * du - rv * dv);
     h.t = t;
     h.normal[0] = n.x;
     h.normal[1] = n.y;
@@ -114,7 +178,7 @@ static inline void store_hit(__global Hit* hit, const Level* level, float3 origi
     h.u = clamp(u / (float)(width - 1), 0.0f, 1.0f);
     h.v = clamp(v / (float)(height - 1), 0.0f, 1.0f);
     h.leaf = (uint)leaf;
-    h.flags = dot(n, direction) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
+    h.flags = (dot(n, direction) > 0.0f ? RBVH_HIT_BACK_FACE : 0u) | (exact ? RBVH_HIT_TRIANGLE_LEAF : 0u);
   }
   *hit = h;
 }
@@ -125,6 +189,7 @@ static inline void store_hit(__global Hit* hit, const Level* level, float3 origi
 static inline float march(const Level* level, int id, float3 o, float3 d, float tmin, float tmax, uint* steps) {
   if (!IN_BOUNDS(level->bounds, TILES, (ulong)id, 1)) return tmax;
   __global const Tile* tile = level->tiles + id;
+  if (tile->exact_count != 0) return meet_exact(level, tile, o, d, tmin, tmax, steps);
   __global const float* m = tile->columns;
   const float4 mx = vload4(0, m), my = vload4(0, m + 3), mz = vload4(0, m + 6);
   const float4 ot = mx * o.x + my * o.y + mz * o.z + (float4)(vload3(3, m), 0.0f);
@@ -132,8 +197,9 @@ static inline float march(const Level* level, int id, float3 o, float3 d, float 
   const float4 dt = select(lean, copysign((float4)(1e-20f), lean), fabs(lean) < 1e-20f);
   const int width = tile->width, height = tile->height;
   const float4 inv = 1.0f / dt;
-  const float4 ta = ((float4)(0.0f, 0.0f, 1.0f, 0.0f) - ot) * inv;
-  const float4 tb = ((float4)((float)(width - 1), (float)(height - 1), tile->top, 0.0f) - ot) * inv;
+  // One quantum of room above and below: a level surface has no thickness, and rounding must not lose it.
+  const float4 ta = ((float4)(0.0f, 0.0f, 0.0f, 0.0f) - ot) * inv;
+  const float4 tb = ((float4)((float)(width - 1), (float)(height - 1), tile->top + 1.0f, 0.0f) - ot) * inv;
   const float4 t_in = min(ta, tb), t_out = max(ta, tb);
   const float t0 = max(max(t_in.x, t_in.y), max(t_in.z, tmin));
   const float t1 = min(min(t_out.x, t_out.y), min(t_out.z, tmax));
@@ -150,7 +216,7 @@ static inline float march(const Level* level, int id, float3 o, float3 d, float 
   const float i_major = 1.0f / d_major;
   const int dir = d_major > 0.0f ? 1 : -1;
   const float enter = o_major + d_major * t0;
-  int k = clamp((int)(d_major > 0.0f ? floor(enter) : ceil(enter)), 0, n_major - 1);
+  int k = clamp((int)(d_major > 0.0f ? floor(enter - 1e-3f) : ceil(enter + 1e-3f)), 0, n_major - 1);
   __global const ushort* p = level->heights + tile->offset;
   const float limit = tile->step_limit;
   const int16 lanes = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
@@ -271,12 +337,12 @@ static inline float trace(const Level* level, float3 o, float3 direction, float 
   }
 }
 
-__kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights,
+__kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, __global const RbvhPrimitive* exact, uint discs,
                               __global const Ray* rays, uint count, uint any, __global Hit* hits,
                               __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint i = get_global_id(0);
   if (i >= count) return;
-  const Level level = {nodes, tiles, heights BOUNDS_VALUE};
+  const Level level = {nodes, tiles, heights, exact, discs BOUNDS_VALUE};
   const float3 o = vload3(0, rays[i].origin), d = vload3(0, rays[i].direction);
   const float tmin = rays[i].tmin, tmax = rays[i].tmax;
   int leaf = -1;
@@ -291,11 +357,11 @@ __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* t
 
 // One ray a work-item, 8x8 pixels at a time: for devices that are wide by themselves.
 __kernel void trace_rbvh_pixels(__global const uint* nodes, __global const Tile* tiles,
-                                __global const ushort* heights, CameraRays camera, __global Hit* hits,
+                                __global const ushort* heights, __global const RbvhPrimitive* exact, uint discs, CameraRays camera, __global Hit* hits,
                                 __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint2 pixel = camera_pixel(camera.width, get_global_id(0));
   if (pixel.x >= camera.width || pixel.y >= camera.height) return;
-  const Level level = {nodes, tiles, heights BOUNDS_VALUE};
+  const Level level = {nodes, tiles, heights, exact, discs BOUNDS_VALUE};
   const Ray ray = camera_ray(&camera, pixel.x, pixel.y);
   const float3 o = vload3(0, ray.origin), d = vload3(0, ray.direction);
   int leaf = -1;
@@ -313,10 +379,27 @@ typedef struct {
   int16 leaf;
 } Packet;
 
+static inline void meet_exact_packet(const Level* level, __global const Tile* tile, int id, float3 o, Packet* rays,
+                                     uint* steps) {
+  if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return;
+  __global const RbvhPrimitive* p = level->exact + tile->exact_first;
+  *steps += 1;
+  for (uint i = 0; i < tile->exact_count; ++i) {
+    const float16 t = meet_primitive16(p + i, level->discs, o, rays->dx, rays->dy, rays->dz);
+    const int16 taken = (t > 0.0f) & (t < rays->t);
+    rays->t = select(rays->t, t, taken);
+    rays->leaf = select(rays->leaf, (int16)(id), taken);
+  }
+}
+
 // All sixteen rays march the tile in lockstep, a grid line of its own major axis each.
 static inline void march_packet(const Level* level, int id, float3 o, Packet* rays, uint* steps) {
   if (!IN_BOUNDS(level->bounds, TILES, (ulong)id, 1)) return;
   __global const Tile* tile = level->tiles + id;
+  if (tile->exact_count != 0) {
+    meet_exact_packet(level, tile, id, o, rays, steps);
+    return;
+  }
   __global const float* m = tile->columns;
   const float3 ot = vload3(0, m) * o.x + vload3(1, m) * o.y + vload3(2, m) * o.z + vload3(3, m);
   const float ou = ot.x, ov = ot.y, ow = ot.z;
@@ -327,7 +410,7 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
   const float16 iu = 1.0f / du, iv = 1.0f / dv, iw = 1.0f / dw;
   const float16 ua = -ou * iu, ub = ((float)(width - 1) - ou) * iu;
   const float16 va = -ov * iv, vb = ((float)(height - 1) - ov) * iv;
-  const float16 wa = (1.0f - ow) * iw, wb = (tile->top - ow) * iw;
+  const float16 wa = -ow * iw, wb = (tile->top + 1.0f - ow) * iw;
   const float16 t0 = max(max(min(ua, ub), min(va, vb)), max(min(wa, wb), (float16)(0.0f)));
   const float16 t1 = min(min(max(ua, ub), max(va, vb)), min(max(wa, wb), rays->t));
   int16 active = t0 <= t1;
@@ -345,7 +428,7 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
   const float16 i_major = 1.0f / d_major;
   const float16 dir = select((float16)(-1.0f), (float16)(1.0f), d_major > 0.0f);
   const float16 enter = o_major + d_major * t0;
-  float16 line = dir * floor(dir * enter);
+  float16 line = dir * floor(dir * enter - 1e-3f);
   __global const ushort* p = level->heights + tile->offset;
   const float limit = tile->step_limit;
   float16 t = FAR, D = NAN;
@@ -397,12 +480,12 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
 // 4x4 pixels a work-item. A node's eight boxes are tested once for all sixteen rays by interval arithmetic on 1/d:
 // the rays share their origin.
 __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile* tiles,
-                                 __global const ushort* heights, CameraRays camera, __global Hit* hits,
+                                 __global const ushort* heights, __global const RbvhPrimitive* exact, uint discs, CameraRays camera, __global Hit* hits,
                                  __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint g = get_global_id(0), blocks = (camera.width + 3) / 4;
   const uint bx = (g % blocks) * 4, by = (g / blocks) * 4;
   if (by >= camera.height) return;
-  const Level level = {nodes, tiles, heights BOUNDS_VALUE};
+  const Level level = {nodes, tiles, heights, exact, discs BOUNDS_VALUE};
   const float16 px = (float)bx + camera.offset_x + (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
   const float16 py = (float)by + camera.offset_y + (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   Packet rays;

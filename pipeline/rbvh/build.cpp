@@ -23,6 +23,10 @@ constexpr float kFloorTexels = 16;
 /// A faulty tile is split further, down to this.
 constexpr float kFaultFloorTexels = 4;
 constexpr std::uint32_t kFloorPrimitives = 4;
+/// Discs that lie further apart than this where they overlap are noise that a tile would not show as they do.
+constexpr float kNoiseTexels = 0.1f;
+/// A tile that is faulty yet not to be split further keeps its primitives, if they are no more than this.
+constexpr std::uint32_t kMostExact = 24;
 
 /// The paper's best tile resolution for coherent rays (section 3.4).
 float optimal_resolution(float rho) { return std::max(8.0f, 5.76f * std::log(rho) - 42.99f); }
@@ -42,19 +46,60 @@ struct LevelRule {
   }
 };
 
-Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const TileTexels& texels,
-                   bool has_colors) {
+RasterConfig raster_config(const LevelRule& rule, const Primitives& primitives, bool keeps_discs) {
+  RasterConfig raster{.rho = rule.rho};
+  if (keeps_discs) {
+    raster.layer_gap = kNoiseTexels;
+  } else if (primitives.discs) {
+    // A cloud's noise is of the order of its discs: closer than that, nothing is a layer or a step.
+    const float noise = primitives.mean_radius * std::sqrt(rule.rho);
+    raster.layer_gap = std::max(raster.layer_gap, noise);
+    raster.step_limit = std::max(raster.step_limit, noise);
+  }
+  return raster;
+}
+
+/// The tiles' own primitives, for those that keep them; their heights only say where there is a surface.
+void keep_primitives(Level& level, const std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
+                     const Partition& partition, const Primitives& primitives) {
+  std::vector<std::uint32_t> references;
+  std::vector<float> shapes;
+  for (std::uint32_t leaf = 0; leaf < order.size(); ++leaf) {
+    const Tile& tile = tiles[order[leaf]];
+    if (!tile.is_exact) continue;
+    if (references.empty()) {
+      references = partition.references.read();
+      shapes = primitives.shape.read();
+    }
+    const PartitionNode& node = partition.nodes[tile.node];
+    level.exact_leaves.push_back({leaf, static_cast<std::uint32_t>(level.exact_primitives.size())});
+    for (std::uint32_t i = node.begin; i < node.end; ++i) {
+      RbvhPrimitive& primitive = level.exact_primitives.emplace_back();
+      std::copy_n(shapes.begin() + 9 * static_cast<std::ptrdiff_t>(references[i]), 9, primitive.shape);
+    }
+  }
+  level.exact_discs = primitives.discs;
+}
+
+Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, TileTexels& texels,
+                   const Partition& partition, const Primitives& primitives) {
   Level level;
   level.name = config.name;
   level.rho = config.rho;
   level.alpha = config.alpha;
   level.phi_degrees = config.phi_degrees;
+  for (const Tile& tile : tiles) {
+    if (!tile.is_exact) continue;
+    const auto begin = texels.heights.begin() + static_cast<std::ptrdiff_t>(tile.first_texel);
+    std::transform(begin, begin + tile.leaf.width * tile.leaf.height, begin,
+                   [](std::uint16_t height) { return std::min<std::uint16_t>(height, 1); });
+  }
   const AtlasSize size = pack_tiles(tiles);
   level.atlas_width = size.width;
   level.atlas_height = size.height;
   level.layers.push_back({"height", 1, assemble_layer(tiles, texels.heights, size)});
   level.layers.push_back({"normal", 1, assemble_layer(tiles, texels.normals, size)});
-  if (has_colors) level.layers.push_back({"color", 1, assemble_layer(tiles, texels.colors, size)});
+  if (primitives.has_colors) level.layers.push_back({"color", 1, assemble_layer(tiles, texels.colors, size)});
 
   std::vector<Bounds3f> boxes(tiles.size());
   for (std::size_t k = 0; k < tiles.size(); ++k) boxes[k] = tiles[k].bounds;
@@ -65,6 +110,7 @@ Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const Ti
     level.bounds.add(tiles[k].bounds);
     level.texels_used += tiles[k].texels_used;
   }
+  keep_primitives(level, tiles, tree.order, partition, primitives);
   return level;
 }
 
@@ -130,28 +176,28 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
         leaves.push_back(n);
       }
     }
+    // Where texels are as fine as a cloud's discs, the discs themselves are as few bytes, and exact.
+    const bool keeps_discs =
+        primitives.discs && config.levels[i].rho >= 0.5f * static_cast<float>(primitives.count);
+    const RasterConfig raster = raster_config(rule, primitives, keeps_discs);
     // Splits for a level's own faults are made on a copy, so that no level depends on another.
     Partition own{.nodes = partition.nodes,
                   .references = Buffer<std::uint32_t>(device, primitives.count),
                   .cones = false};
     own.references.copy_from(partition.references, primitives.count);
     while (!leaves.empty()) {
-      RasterConfig raster{.rho = rule.rho};
-      if (primitives.discs) {
-        // A cloud's noise is of the order of its discs: closer than that, nothing is a layer or a step.
-        const float noise = primitives.mean_radius * std::sqrt(rule.rho);
-        raster.layer_gap = std::max(raster.layer_gap, noise);
-        raster.step_limit = std::max(raster.step_limit, noise);
-      }
       const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
       lap(time.rasterize);
       std::vector<SplitRequest> requests;
-      for (const Tile& tile : done) {
+      for (Tile tile : done) {
         const PartitionNode& node = own.nodes[tile.node];
-        if (tile.is_faulty && node.count() > 1 && rule.rho * node.sums.area > kFaultFloorTexels)
+        tile.is_exact = node.count() <= kMostExact && (tile.is_faulty || keeps_discs);
+        if (tile.is_faulty && !tile.is_exact && node.count() > 1 &&
+            (keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels)) {
           requests.push_back({tile.node, tile.has_back, tile.w});
-        else
-          tiles.push_back(tile);
+          continue;
+        }
+        tiles.push_back(tile);
       }
       split_once(own, primitives, requests);
       leaves.clear();
@@ -161,7 +207,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
       }
       lap(time.partition);
     }
-    rbvh.levels.push_back(finish_level(config.levels[i], tiles, texels, primitives.has_colors));
+    rbvh.levels.push_back(finish_level(config.levels[i], tiles, texels, own, primitives));
     lap(time.pack);
     time.levels.push_back({config.levels[i].name, now() - level_start});
   }

@@ -104,6 +104,26 @@ Fault find_tile_fault(const Level& level) {
   return {};
 }
 
+Fault find_exact_fault(const Level& level) {
+  std::uint64_t next_leaf = 0;
+  for (const RbvhExactLeaf& exact : level.exact_leaves) {
+    if (exact.leaf >= level.leaves.size() || exact.leaf < next_leaf)
+      return "says that leaf " + number(exact.leaf) + " of " + number(level.leaves.size()) +
+             " keeps primitives, which is out of range or out of order";
+    next_leaf = std::uint64_t{exact.leaf} + 1;
+    const std::uint32_t count = level.leaves[exact.leaf].primitives;
+    if (count == 0 || std::uint64_t{exact.first} + count > level.exact_primitives.size())
+      return "leaf " + number(exact.leaf) + " keeps " + number(count) + " primitives from number " +
+             number(exact.first) + " on, of " + number(level.exact_primitives.size());
+  }
+  for (std::size_t i = 0; i < level.exact_primitives.size(); ++i) {
+    const float* shape = level.exact_primitives[i].shape;
+    if (!std::all_of(shape, shape + 9, is_coordinate))
+      return "primitive " + number(i) + " has a coordinate that is not finite";
+  }
+  return {};
+}
+
 Fault find_level_fault(const Level& level) {
   for (const float value : {level.rho, level.alpha, level.phi_degrees})
     if (!std::isfinite(value)) return "has a parameter that is not finite";
@@ -125,6 +145,7 @@ Fault find_level_fault(const Level& level) {
          {level.fidelity.mask_mismatch_percent, level.fidelity.median_dt, level.fidelity.p99_dt})
       if (!(value >= 0)) return "has a measured fidelity that is no number";
   if (Fault fault = find_tree_fault(level)) return fault;
+  if (Fault fault = find_exact_fault(level)) return fault;
   return find_tile_fault(level);
 }
 

@@ -36,6 +36,9 @@ struct Level {
   Bounds3f bounds;        ///< of all tiles
   std::vector<RbvhNode> nodes;
   std::vector<RbvhLeaf> leaves;
+  std::vector<RbvhExactLeaf> exact_leaves;  ///< those that keep their primitives, by leaf
+  std::vector<RbvhPrimitive> exact_primitives;
+  bool exact_discs = false;  ///< what those are; else triangles
   std::uint32_t atlas_width = 0, atlas_height = 0;
   std::vector<Layer> layers;      ///< height first
   std::uint64_t texels_used = 0;  ///< texels with a surface

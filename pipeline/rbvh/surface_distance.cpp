@@ -104,8 +104,19 @@ TriangleSoup surface_of(const Scan& scan) {
 TriangleSoup surface_of(const Level& level) {
   TriangleSoup soup;
   const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
+  std::vector<bool> is_exact(level.leaves.size());
+  for (const RbvhExactLeaf& exact : level.exact_leaves) {
+    is_exact[exact.leaf] = true;
+    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
+      const float* s = level.exact_primitives[exact.first + i].shape;
+      if (level.exact_discs)
+        add_disc(soup, {s[0], s[1], s[2]}, {s[4], s[5], s[6]}, s[3]);
+      else
+        add_triangle(soup, {s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]});
+    }
+  }
   for (const RbvhNode& node : level.nodes) {
-    if (node.count == 0) continue;
+    if (node.count == 0 || is_exact[node.first]) continue;
     const RbvhLeaf& leaf = level.leaves[node.first];
     const TileFrame frame(leaf);
     const Bounds3f box{{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};

@@ -123,7 +123,7 @@ float texel_size(const RasterTile& tile) {
 
 /// The rank (kernels/rasterize.cl) of what lies open_reach texels past a primitive.
 std::uint32_t least_open_rank(bool discs, const RasterConfig& config) {
-  const float distance = discs ? config.reach + config.open_reach / 1.42f : config.open_reach;
+  const float distance = discs ? 2 * config.reach : config.open_reach;
   return static_cast<std::uint32_t>(254.0f - distance * (126.5f / config.reach));
 }
 

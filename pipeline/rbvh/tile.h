@@ -17,6 +17,7 @@ struct Tile {
   Bounds3f bounds;         ///< what a ray must touch to be tested against the tile
   std::uint32_t texels_used = 0;
   std::size_t first_texel = 0;  ///< in TileTexels
+  bool is_exact = false;        ///< keeps its primitives
   bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
   bool has_back = false;        ///< part of it faces away: better split by facing, along w
   Vec3f w;                      ///< the tile's outside, unit

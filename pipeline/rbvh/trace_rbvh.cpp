@@ -21,7 +21,7 @@ struct DeviceTile {
   float step_limit;
   float top;  ///< the tile's largest height
   float lo[3], hi[3];
-  std::uint32_t unused[2];
+  std::uint32_t exact_first, exact_count;
 };
 static_assert(sizeof(DeviceTile) == 96);
 
@@ -33,7 +33,13 @@ float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] *
 
 RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   RBVH_CHECK(!level.leaves.empty() && !level.layers.empty());
-  RbvhTracer tracer{.device = device, .nodes8 = {}, .nodes16 = {}, .leaves = {}, .heights = {}};
+  RbvhTracer tracer{.device = device,
+                    .nodes8 = {},
+                    .nodes16 = {},
+                    .leaves = {},
+                    .heights = {},
+                    .exact = {},
+                    .discs = level.exact_discs ? 1u : 0u};
   const WideNodes eight = flatten_wide(level.nodes, 8), sixteen = flatten_wide(level.nodes, 16);
   if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
     throw Error(ExitCode::kInput, "", "the hierarchy is too deep to trace; build the pair again");
@@ -47,6 +53,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   std::vector<const RbvhNode*> boxes(level.leaves.size());
   for (const RbvhNode& node : level.nodes)
     if (node.count == 1) boxes[node.first] = &node;
+  auto exact = level.exact_leaves.begin();
   for (const RbvhLeaf& leaf : level.leaves) {
     const RbvhNode& box = *boxes[static_cast<std::size_t>(&leaf - level.leaves.data())];
     DeviceTile tile{};
@@ -64,12 +71,19 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
       heights.insert(heights.end(), row, row + leaf.width);
       tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
     }
+    if (exact != level.exact_leaves.end() &&
+        exact->leaf == static_cast<std::size_t>(&leaf - level.leaves.data())) {
+      tile.exact_first = exact++->first;
+      tile.exact_count = leaf.primitives;
+    }
     const auto words = std::bit_cast<std::array<std::uint32_t, 24>>(tile);
     leaves.insert(leaves.end(), words.begin(), words.end());
   }
   heights.push_back(0);  // the kernels may read one texel past the last
   tracer.leaves = Buffer<std::uint32_t>(device, leaves);
   tracer.heights = Buffer<std::uint16_t>(device, heights);
+  tracer.exact = level.exact_primitives.empty() ? Buffer<RbvhPrimitive>(device, 1)
+                                                : Buffer<RbvhPrimitive>(device, level.exact_primitives);
   return tracer;
 }
 
@@ -77,8 +91,8 @@ void trace_rays(const RbvhTracer& tracer, const Buffer<Ray>& rays, const Buffer<
                 RayQuery query, const Buffer<std::uint32_t>* steps) {
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   tracer.device.kernel("trace_rbvh", "trace_rbvh_rays", options())
-      .run(count, 64, tracer.nodes16, tracer.leaves, tracer.heights, rays, static_cast<std::uint32_t>(count),
-           query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
+      .run(count, 64, tracer.nodes16, tracer.leaves, tracer.heights, tracer.exact, tracer.discs, rays,
+           static_cast<std::uint32_t>(count), query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
 }
 
 void trace_camera(const RbvhTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
@@ -90,11 +104,11 @@ void trace_camera(const RbvhTracer& tracer, const CameraRays& camera, const Buff
   if (tracer.device.info().is_cpu)
     tracer.device.kernel("trace_rbvh", "trace_rbvh_packets", options())
         .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, tracer.nodes8, tracer.leaves,
-             tracer.heights, camera, hits, steps_out);
+             tracer.heights, tracer.exact, tracer.discs, camera, hits, steps_out);
   else
     tracer.device.kernel("trace_rbvh", "trace_rbvh_pixels", options())
         .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, tracer.nodes16, tracer.leaves,
-             tracer.heights, camera, hits, steps_out);
+             tracer.heights, tracer.exact, tracer.discs, camera, hits, steps_out);
 }
 
 }  // namespace rbvh
