@@ -15,7 +15,7 @@ namespace {
 
 // Devices differ in the last bits, and with them a pixel at the rim of the object, a tile's border, a
 // quantised height: a few pixels may be anything, all others a few of 255 steps off. Kernels built without
-// contraction to FMA differ from these in 2 pixels and by a mean of 0.016. What has to be beyond the limits:
+// contraction to FMA differed in up to 2 pixels and by a mean of 0.016. What has to be beyond the limits:
 // see SeesWhatItIsThereFor.
 constexpr int kSteps = 6;            // of 255
 constexpr std::size_t kMostOff = 9;  // pixels beyond that, of 96 x 96
