@@ -132,6 +132,7 @@ void run_build(Context& context, const BuildOptions& options) {
     const Level& level = rbvh.levels[i];
     report["levels"].push_back({{"name", level.name},
                                 {"leaves", level.leaves.size()},
+                                {"exact_leaves", level.exact_leaves.size()},
                                 {"texels", std::uint64_t{level.atlas_width} * level.atlas_height},
                                 {"texels_used", level.texels_used},
                                 {"seconds", timings.levels[i].seconds}});

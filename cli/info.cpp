@@ -61,6 +61,8 @@ Json level_json(const Level& level, std::uint64_t primitives) {
                {"phi_degrees", float_json(level.phi_degrees)},
                {"nodes", level.nodes.size()},
                {"leaves", level.leaves.size()},
+               {"exact_leaves", level.exact_leaves.size()},
+               {"exact_primitives", level.exact_primitives.size()},
                {"atlas", {level.atlas_width, level.atlas_height}},
                {"texels_used", level.texels_used},
                {"bytes", level.stored_bytes},
@@ -125,7 +127,8 @@ std::string pair_text(const Json& json) {
   text += "shift    " + vec_text(source["shift"]) + "\n";
   text += "options  " + printable(json["build_options"].dump()) + "\n";
   text +=
-      "level       rho  alpha  phi   leaves    nodes        atlas  used      bytes  per primitive  layers\n";
+      "level       rho  alpha  phi   leaves    exact    nodes        atlas  used      bytes  per primitive  "
+      "layers\n";
   for (const Json& level : json["levels"]) {
     const auto width = level["atlas"][0].get<std::uint64_t>(),
                height = level["atlas"][1].get<std::uint64_t>();
@@ -134,10 +137,10 @@ std::string pair_text(const Json& json) {
       layers.append(layers.empty() ? "" : " ").append(string(layer["name"]));
     const Json& each = level["bytes_per_primitive"];
     text += fmt::format(
-        "{:<6} {:>8.6g}  {:>5.3g}  {:>3.3g} {:>8} {:>8} {:>12}  {:>3.0f}% {:>10} {:>14}  {}\n",
+        "{:<6} {:>8.6g}  {:>5.3g}  {:>3.3g} {:>8} {:>8} {:>8} {:>12}  {:>3.0f}% {:>10} {:>14}  {}\n",
         string(level["name"]), level["rho"].get<double>(), level["alpha"].get<double>(),
-        level["phi_degrees"].get<double>(), level["leaves"].dump(), level["nodes"].dump(),
-        fmt::format("{} x {}", width, height),
+        level["phi_degrees"].get<double>(), level["leaves"].dump(), level["exact_leaves"].dump(),
+        level["nodes"].dump(), fmt::format("{} x {}", width, height),
         100 * level["texels_used"].get<double>() / static_cast<double>(width * height), bytes(level["bytes"]),
         each.is_null() ? "-" : fmt::format("{:.3g} B", each.get<double>()), layers);
   }

@@ -24,7 +24,9 @@
 namespace rbvh {
 namespace {
 
-static_assert(sizeof(file::Node) == sizeof(RbvhNode) && sizeof(file::Leaf) == sizeof(RbvhLeaf));
+static_assert(sizeof(file::Node) == sizeof(RbvhNode) && sizeof(file::Leaf) == sizeof(RbvhLeaf) &&
+              sizeof(file::ExactLeaf) == sizeof(RbvhExactLeaf) &&
+              sizeof(file::Primitive) == sizeof(RbvhPrimitive));
 constexpr std::size_t kAlignment = 64;
 constexpr std::size_t kSealHashAt = 8;  // in file::Seal
 constexpr std::size_t kMaxBuildOptionsDepth = 32;
@@ -324,9 +326,7 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite) 
     buffer = encode_hierarchy(rbvh, written.size, hash_bytes(written.view()), bytes.levels);
   }
   bytes.hierarchy = buffer.size();
-  for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
-    bytes.levels[i] +=
-        rbvh.levels[i].nodes.size() * sizeof(RbvhNode) + rbvh.levels[i].leaves.size() * sizeof(RbvhLeaf);
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i) bytes.levels[i] += hierarchy_bytes(rbvh.levels[i]);
   hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
 
   // The hierarchy goes first: between the two renames it names an atlas that is not there yet, and is

@@ -105,17 +105,21 @@ Fault find_tile_fault(const Level& level) {
 }
 
 Fault find_exact_fault(const Level& level) {
-  std::uint64_t next_leaf = 0;
+  std::uint64_t next_leaf = 0, next_primitive = 0;
   for (const RbvhExactLeaf& exact : level.exact_leaves) {
     if (exact.leaf >= level.leaves.size() || exact.leaf < next_leaf)
       return "says that leaf " + number(exact.leaf) + " of " + number(level.leaves.size()) +
              " keeps primitives, which is out of range or out of order";
     next_leaf = std::uint64_t{exact.leaf} + 1;
     const std::uint32_t count = level.leaves[exact.leaf].primitives;
-    if (count == 0 || std::uint64_t{exact.first} + count > level.exact_primitives.size())
+    if (count == 0 || exact.first != next_primitive || next_primitive + count > level.exact_primitives.size())
       return "leaf " + number(exact.leaf) + " keeps " + number(count) + " primitives from number " +
              number(exact.first) + " on, of " + number(level.exact_primitives.size());
+    next_primitive += count;
   }
+  if (next_primitive != level.exact_primitives.size())
+    return "has " + number(level.exact_primitives.size()) + " primitives of which leaves keep " +
+           number(next_primitive);
   for (std::size_t i = 0; i < level.exact_primitives.size(); ++i) {
     const float* shape = level.exact_primitives[i].shape;
     if (!std::all_of(shape, shape + 9, is_coordinate))

@@ -18,6 +18,7 @@
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/check_rbvh.h"
 #include "pipeline/rbvh/top_tree.h"
 #include "tests/format/pair_bytes.h"
 
@@ -101,6 +102,16 @@ void expect_equal(const Rbvh& a, const Rbvh& b) {
     EXPECT_EQ(std::memcmp(p.nodes.data(), q.nodes.data(), p.nodes.size() * sizeof(RbvhNode)), 0);
     ASSERT_EQ(p.leaves.size(), q.leaves.size());
     EXPECT_EQ(std::memcmp(p.leaves.data(), q.leaves.data(), p.leaves.size() * sizeof(RbvhLeaf)), 0);
+    EXPECT_EQ(p.exact_discs, q.exact_discs);
+    ASSERT_EQ(p.exact_leaves.size(), q.exact_leaves.size());
+    for (std::size_t k = 0; k < p.exact_leaves.size(); ++k) {
+      EXPECT_EQ(p.exact_leaves[k].leaf, q.exact_leaves[k].leaf);
+      EXPECT_EQ(p.exact_leaves[k].first, q.exact_leaves[k].first);
+    }
+    ASSERT_EQ(p.exact_primitives.size(), q.exact_primitives.size());
+    for (std::size_t k = 0; k < p.exact_primitives.size(); ++k)
+      EXPECT_TRUE(std::equal(p.exact_primitives[k].shape, p.exact_primitives[k].shape + 9,
+                             q.exact_primitives[k].shape));
     ASSERT_EQ(p.layers.size(), q.layers.size());
     for (std::size_t k = 0; k < p.layers.size(); ++k) {
       EXPECT_EQ(p.layers[k].name, q.layers[k].name);
@@ -132,8 +143,20 @@ Rbvh make_large_rbvh() {
   return rbvh;
 }
 
+// The last two of the small pair's three leaves keep primitives, 2 and 1.
+Rbvh make_exact_rbvh() {
+  Rbvh rbvh = make_small_rbvh();
+  Level& level = rbvh.levels[0];
+  level.leaves[1].primitives = 2;
+  level.leaves[2].primitives = 1;
+  level.exact_leaves = {{1, 0}, {2, 2}};
+  level.exact_primitives = {{{0, 0, 0, 1, 0, 0, 0, 1, 0}}, {{1, 0, 0, 1, 1, 0, 0, 1, 0}}, {{0.5f, 0, 0}}};
+  level.exact_discs = true;
+  return rbvh;
+}
+
 TEST_F(RbvhFileTest, RoundTrip) {
-  for (const Rbvh& rbvh : {make_small_rbvh(), make_large_rbvh()}) {
+  for (const Rbvh& rbvh : {make_small_rbvh(), make_large_rbvh(), make_exact_rbvh()}) {
     const RbvhBytes bytes = write_rbvh(path("a.rbvh"), rbvh, true);
     EXPECT_EQ(bytes.hierarchy, fs::file_size(path("a.rbvh")));
     EXPECT_EQ(bytes.atlas, fs::file_size(path("a.atlas.tif")));
@@ -302,6 +325,24 @@ TEST_F(RbvhFileTest, HostileTiles) {
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[0] = 0; }), "inverted");
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[4] = 2, l.to_tile[5] = 0; }), "inverted");
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[10] = 1e30f; }), "inverted");
+}
+
+TEST_F(RbvhFileTest, HostilePrimitives) {
+  const auto fault = [&](const std::function<void(Level&)>& change) {
+    Rbvh rbvh = make_exact_rbvh();
+    change(rbvh.levels[0]);
+    return find_fault(rbvh).value_or("");
+  };
+  EXPECT_EQ(fault([](Level&) {}), "");
+  expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 3; }), "leaf 3 of 3");
+  expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 1; }), "out of order");
+  expect_contains(fault([](Level& l) { l.exact_leaves[1].first = 1; }), "from number 1 on");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "keeps 0");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "keeps 4294967295");
+  expect_contains(fault([](Level& l) { l.exact_primitives.push_back({}); }),
+                  "4 primitives of which leaves keep 3");
+  expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }), "3 primitives of which leaves keep 0");
+  expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[8] = std::nanf(""); }), "not finite");
 }
 
 TEST_F(RbvhFileTest, HostileVectors) {
