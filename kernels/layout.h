@@ -31,7 +31,7 @@ RBVH_LAYOUT_SIZE(Ray, 32);
 #define RBVH_HIT_TRIANGLE_LEAF 2u  // an exact primitive was hit, not a tile
 #define RBVH_NO_LEAF 0xffffffffu
 
-// What a ray found. u, v: in [0,1] across the tile, barycentric in the triangle, or disc coordinates in [-1,1].
+// What a ray found. u, v: in [0,1] across the tile, barycentric in the triangle, or disc coordinates in [-1,1], of an exact scan.
 typedef struct Hit {
   float t;          // +infinity: nothing
   float normal[3];  // geometric, unit, unflipped
@@ -81,8 +81,8 @@ typedef struct RbvhLeaf {
 } RbvhLeaf;
 RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
 
-// A leaf whose surface is no height field keeps its primitives: RbvhLeaf.primitives of them, from `first` on. Its tile
-// carries all layers but the height, which is 1 where there is a surface.
+// A leaf whose tile would not show its surface well keeps its primitives: RbvhLeaf.primitives of them, from `first` on.
+// They are what rays hit; its tile still carries the other layers.
 typedef struct RbvhExactLeaf {
   rbvh_u32 leaf;
   rbvh_u32 first;

@@ -65,6 +65,7 @@ __kernel void primitives_discs(__global const float* positions, __global const f
   vstore3(c.xyz, 0, shape + 9 * (size_t)j);
   shape[9 * (size_t)j + 3] = radius;
   vstore3(n.xyz, 0, shape + 9 * (size_t)j + 4);
+  shape[9 * (size_t)j + 7] = shape[9 * (size_t)j + 8] = 0.0f;
   // A disc reaches radius * sqrt(1 - n_axis^2) along each axis.
   float4 reach = radius * sqrt(max(1.0f - n * n, 0.0f));
   reach.w = 0.0f;

@@ -84,7 +84,7 @@ static inline uint make_key(float distance, float reach, float w) {
 
 // What a primitive has to say of one texel. distance < 0: nothing.
 typedef struct {
-  float distance;  // texels, capped at 2 reach; a triangle: 0 where it covers the centre; a disc: up to reach
+  float distance;  // texels, capped at 2 reach; 0 where it covers the centre
   float w;
 } Sample;
 
@@ -126,6 +126,11 @@ static inline TileTriangle make_triangle(float4 a, float4 b, float4 c, float tex
   return t;
 }
 
+static inline float segment_distance(float2 a, float2 b, float2 x) {
+  const float2 ab = b - a;
+  return length(x - a - ab * clamp(dot(x - a, ab) / max(dot(ab, ab), 1e-20f), 0.0f, 1.0f));
+}
+
 // Does the square of half side `reach` about x touch the triangle (separating axes)? If so, how far is x from it?
 static inline Sample sample_triangle(const TileTriangle* t, float2 x, float reach) {
   Sample s;
@@ -138,7 +143,12 @@ static inline Sample sample_triangle(const TileTriangle* t, float2 x, float reac
       d2 < -reach * (fabs(ca.x) + fabs(ca.y)))
     return s;
   const float inside = min(d0 * t->scale_ab, min(d1 * t->scale_bc, d2 * t->scale_ca));
-  s.distance = t->flat ? 2.0f * reach : inside >= 0.0f ? 0.0f : clamp(-inside, 1e-3f, 2.0f * reach);
+  s.distance = inside >= 0.0f ? 0.0f : clamp(-inside, 1e-3f, 2.0f * reach);
+  // Seen edge-on it covers nothing, but must leave a trace: the texels right beside it.
+  if (t->flat)
+    s.distance = clamp(min(segment_distance(t->a, t->b, x),
+                           min(segment_distance(t->b, t->c, x), segment_distance(t->c, t->a, x))),
+                       0.5f, 2.0f * reach);
   s.w = clamp(t->w0 + t->wu * x.x + t->wv * x.y, t->w_lo, t->w_hi);
   return s;
 }
@@ -179,8 +189,7 @@ static inline TileDisc make_disc(__global const RasterTile* tile, __global const
   return d;
 }
 
-// Discs overlap, so the one whose centre is nearest speaks for a texel: distance is measured from the centre, and
-// the cloud's noise is not pushed outwards.
+// The distance is from the rim, along the disc's plane.
 static inline Sample sample_disc(const TileDisc* d, float2 x, float reach) {
   Sample s;
   const float2 step = x - d->center.xy;
@@ -238,10 +247,6 @@ static inline Sample sample_primitive(const TilePrimitive* p, int x, int y, floa
   return p->is_disc ? sample_disc(&p->disc, at, reach) : sample_triangle(&p->triangle, at, reach);
 }
 
-static inline bool covers(const TilePrimitive* p, Sample q, float reach) {
-  return p->is_disc ? !p->flat && q.distance <= reach : q.distance == 0.0f;
-}
-
 static inline uint fine(float w) { return (uint)clamp(w, 0.0f, RBVH_FINE_MAX); }
 
 // An atomic maximum that first looks whether it is worth one: most are not.
@@ -267,7 +272,7 @@ __kernel void rasterize(__global const Run* runs, uint run_count, __global const
       if (q.distance < 0.0f) continue;
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       raise(keys + at, make_key(q.distance, reach, q.w));
-      if (!covers(&p, q, reach)) continue;
+      if (q.distance != 0.0f) continue;
       raise(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
       raise(highest + at, fine(q.w) + 1u);
       back += p.is_back;
@@ -302,13 +307,14 @@ __kernel void rasterize_guests(__global const Run* runs, uint run_count, __globa
 }
 
 // A guest takes a texel that it is nearer to. Where there is none the surface ends: the tile reaches less far.
-__kernel void rasterize_merge(__global uint* keys, __global const uint* guest_keys, uint count, uint least_open_rank) {
+__kernel void rasterize_merge(__global uint* keys, __global const uint* guest_keys, uint count, float reach,
+                              float open_reach) {
   const uint at = get_global_id(0);
   if (at >= count) return;
   const uint own = keys[at], guest = guest_keys[at];
   if (own >> 24 < guest >> 24)
     keys[at] = guest;
-  else if (guest == 0 && own >> 24 < least_open_rank)
+  else if (guest == 0 && own < make_key(open_reach, reach, 0.0f))
     keys[at] = 0;
 }
 

@@ -69,26 +69,36 @@ static inline float any_hi(float16 v) {
 
 // --- leaves that keep their primitives -------------------------------------------------------------------------------
 
-// Where a ray from o, or sixteen, meet a triangle or disc; infinity for nowhere. A triangle is larger by a hundred
-// thousandth, so that no ray slips between two of them.
-#define DEFINE_MEET(NAME, F)                                                                                       \
-  static inline F NAME(__global const RbvhPrimitive* primitive, uint discs, float3 o, F dx, F dy, F dz) {          \
-    const float3 a = vload3(0, primitive->shape), at = o - a;                                                      \
-    if (discs) {                                                                                                   \
-      const float3 n = vload3(0, primitive->shape + 4);                                                            \
-      const float radius = primitive->shape[3];                                                                    \
-      const F t = -dot(n, at) / (n.x * dx + n.y * dy + n.z * dz);                                                  \
-      const F x = at.x + dx * t, y = at.y + dy * t, z = at.z + dz * t;                                             \
-      return select((F)(INFINITY), t, x * x + y * y + z * z <= radius * radius * 1.00002f);                               \
-    }                                                                                                              \
-    const float3 ab = vload3(1, primitive->shape) - a, ac = vload3(2, primitive->shape) - a, q = cross(at, ab);    \
-    const F px = dy * ac.z - dz * ac.y, py = dz * ac.x - dx * ac.z, pz = dx * ac.y - dy * ac.x;                    \
-    const F scale = 1.0f / (ab.x * px + ab.y * py + ab.z * pz);                                                    \
-    const F u = (at.x * px + at.y * py + at.z * pz) * scale, v = (dx * q.x + dy * q.y + dz * q.z) * scale;         \
-    return select((F)(INFINITY), dot(ac, q) * scale, (u >= -1e-5f) & (v >= -1e-5f) & (u + v <= 1.00001f));         \
+// Where a ray from o, or sixteen, meet a triangle or disc; infinity or NaN for nowhere. Corners are moved along the ray to
+// the plane through o at right angles to it, each by itself, and two triangles that share an edge see the same volume of
+// it with opposite signs (contraction is off): no ray slips between them.
+#pragma OPENCL FP_CONTRACT OFF
+#define DEFINE_MEET(NAME, F)                                                                                      \
+  static inline F NAME(__global const RbvhPrimitive* primitive, uint discs, float3 o, F dx, F dy, F dz) {         \
+    const float3 a = vload3(0, primitive->shape) - o;                                                             \
+    if (discs) {                                                                                                  \
+      const float3 n = vload3(0, primitive->shape + 4);                                                           \
+      const float radius = primitive->shape[3];                                                                   \
+      const F t = dot(n, a) / (n.x * dx + n.y * dy + n.z * dz);                                                   \
+      const F x = dx * t - a.x, y = dy * t - a.y, z = dz * t - a.z;                                               \
+      return select((F)(INFINITY), t, x * x + y * y + z * z <= radius * radius * 1.00002f);                       \
+    }                                                                                                             \
+    const float3 b = vload3(1, primitive->shape) - o, c = vload3(2, primitive->shape) - o;                        \
+    const F scale = 1.0f / (dx * dx + dy * dy + dz * dz);                                                         \
+    const F ka = (a.x * dx + a.y * dy + a.z * dz) * scale, kb = (b.x * dx + b.y * dy + b.z * dz) * scale,         \
+            kc = (c.x * dx + c.y * dy + c.z * dz) * scale;                                                        \
+    const F ax = a.x - dx * ka, ay = a.y - dy * ka, az = a.z - dz * ka;                                           \
+    const F bx = b.x - dx * kb, by = b.y - dy * kb, bz = b.z - dz * kb;                                           \
+    const F cx = c.x - dx * kc, cy = c.y - dy * kc, cz = c.z - dz * kc;                                           \
+    const F u = dx * (by * cz - bz * cy) + dy * (bz * cx - bx * cz) + dz * (bx * cy - by * cx);                   \
+    const F v = dx * (cy * az - cz * ay) + dy * (cz * ax - cx * az) + dz * (cx * ay - cy * ax);                   \
+    const F w = dx * (ay * bz - az * by) + dy * (az * bx - ax * bz) + dz * (ax * by - ay * bx);                   \
+    return select((F)(INFINITY), (u * ka + v * kb + w * kc) / (u + v + w),                                        \
+                  ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f)));         \
   }
 DEFINE_MEET(meet_primitive, float)
 DEFINE_MEET(meet_primitive16, float16)
+#pragma OPENCL FP_CONTRACT ON
 
 static inline float3 primitive_normal(__global const RbvhPrimitive* primitive, uint discs) {
   if (discs) return vload3(0, primitive->shape + 4);
@@ -310,6 +320,7 @@ static inline float trace(const Level* level, float3 o, float3 direction, float 
         inside &= inside - 1u;
         float t = t_child[i];
         int c = child[i];
+        if (c == INT_MIN) continue;  // an empty slot, met by a ray without an end
         if (t < t_current) {
           const float swap_t = t_current;
           const int swap_c = current;
@@ -432,7 +443,8 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
   __global const ushort* p = level->heights + tile->offset;
   const float limit = tile->step_limit;
   float16 t = FAR, D = NAN;
-  for (;;) {
+  // A map to the tile so large that a step is lost in rounding must not keep a ray here.
+  for (int left = width + height + 4; left > 0; --left) {
     const float16 t_line = (line - o_major) * i_major;
     const float16 minor = o_minor + d_minor * t_line;
     const int16 y = clamp(convert_int16(minor), 0, n_minor);

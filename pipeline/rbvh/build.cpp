@@ -25,7 +25,7 @@ constexpr float kFaultFloorTexels = 4;
 constexpr std::uint32_t kFloorPrimitives = 4;
 /// Discs that lie further apart than this where they overlap are noise that a tile would not show as they do.
 constexpr float kNoiseTexels = 0.1f;
-/// A tile that is faulty yet not to be split further keeps its primitives, if they are no more than this.
+/// A leaf of no more primitives than this keeps them where its tile is faulty (and in fine levels of clouds).
 constexpr std::uint32_t kMostExact = 24;
 
 /// The paper's best tile resolution for coherent rays (section 3.4).
@@ -59,7 +59,7 @@ RasterConfig raster_config(const LevelRule& rule, const Primitives& primitives, 
   return raster;
 }
 
-/// The tiles' own primitives, for those that keep them; their heights only say where there is a surface.
+/// The primitives of the tiles that keep them.
 void keep_primitives(Level& level, const std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
                      const Partition& partition, const Primitives& primitives) {
   std::vector<std::uint32_t> references;
@@ -72,28 +72,27 @@ void keep_primitives(Level& level, const std::vector<Tile>& tiles, const std::ve
       shapes = primitives.shape.read();
     }
     const PartitionNode& node = partition.nodes[tile.node];
+    // In an order that does not depend on what other levels split.
+    std::sort(references.begin() + node.begin, references.begin() + node.end);
     level.exact_leaves.push_back({leaf, static_cast<std::uint32_t>(level.exact_primitives.size())});
     for (std::uint32_t i = node.begin; i < node.end; ++i) {
       RbvhPrimitive& primitive = level.exact_primitives.emplace_back();
       std::copy_n(shapes.begin() + 9 * static_cast<std::ptrdiff_t>(references[i]), 9, primitive.shape);
+      if (!primitives.discs) continue;
+      const Vec3f normal = normalized(Vec3f{primitive.shape[4], primitive.shape[5], primitive.shape[6]});
+      std::copy_n(&normal.x, 3, primitive.shape + 4);
     }
   }
   level.exact_discs = primitives.discs;
 }
 
-Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, TileTexels& texels,
+Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const TileTexels& texels,
                    const Partition& partition, const Primitives& primitives) {
   Level level;
   level.name = config.name;
   level.rho = config.rho;
   level.alpha = config.alpha;
   level.phi_degrees = config.phi_degrees;
-  for (const Tile& tile : tiles) {
-    if (!tile.is_exact) continue;
-    const auto begin = texels.heights.begin() + static_cast<std::ptrdiff_t>(tile.first_texel);
-    std::transform(begin, begin + tile.leaf.width * tile.leaf.height, begin,
-                   [](std::uint16_t height) { return std::min<std::uint16_t>(height, 1); });
-  }
   const AtlasSize size = pack_tiles(tiles);
   level.atlas_width = size.width;
   level.atlas_height = size.height;

@@ -88,6 +88,8 @@ Fault find_tile_fault(const Level& level) {
     if (leaf.width < 2 || leaf.height < 2)
       return "leaf " + number(i) + " has a tile of " + number(leaf.width) + " x " + number(leaf.height) +
              " texels; at least 2 are needed";
+    if (std::uint64_t{leaf.width} * leaf.height > kMaxTileTexels)
+      return "leaf " + number(i) + " has a tile of more than " + number(kMaxTileTexels) + " texels";
     if (std::uint32_t{leaf.x} + leaf.width > width || std::uint32_t{leaf.y} + leaf.height > height)
       return "leaf " + number(i) + " has a tile that reaches out of the atlas";
     if (!std::all_of(leaf.to_tile, leaf.to_tile + 12, [](float v) { return std::isfinite(v); }))
@@ -112,7 +114,8 @@ Fault find_exact_fault(const Level& level) {
              " keeps primitives, which is out of range or out of order";
     next_leaf = std::uint64_t{exact.leaf} + 1;
     const std::uint32_t count = level.leaves[exact.leaf].primitives;
-    if (count == 0 || exact.first != next_primitive || next_primitive + count > level.exact_primitives.size())
+    if (count == 0 || count > kMaxLeafPrimitives || exact.first != next_primitive ||
+        next_primitive + count > level.exact_primitives.size())
       return "leaf " + number(exact.leaf) + " keeps " + number(count) + " primitives from number " +
              number(exact.first) + " on, of " + number(level.exact_primitives.size());
     next_primitive += count;
@@ -124,6 +127,10 @@ Fault find_exact_fault(const Level& level) {
     const float* shape = level.exact_primitives[i].shape;
     if (!std::all_of(shape, shape + 9, is_coordinate))
       return "primitive " + number(i) + " has a coordinate that is not finite";
+    if (level.exact_discs &&
+        !(shape[3] >= 0 && std::abs(length(Vec3d{shape[4], shape[5], shape[6]}) - 1) < 1e-3))
+      return "primitive " + number(i) +
+             " is a disc whose radius is negative or whose normal is not of length 1";
   }
   return {};
 }

@@ -14,6 +14,8 @@ namespace rbvh {
 inline constexpr float kLargestValue = 1e18f;
 inline constexpr std::size_t kMaxLevels = 32, kMaxLayers = 16;
 inline constexpr std::uint32_t kMaxChannels = 4;
+inline constexpr std::uint32_t kMaxLeafPrimitives = 255;  ///< that a leaf keeps
+inline constexpr std::uint64_t kMaxTileTexels = 1u << 28;
 
 /// The first fault of the hierarchies, the tiles' places and the names, in words ("level Q0: node 7 ..."), or
 /// nothing. Texels are not looked at. Takes time linear in nodes and leaves. Without a fault: every level has

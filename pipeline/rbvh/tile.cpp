@@ -121,12 +121,6 @@ float texel_size(const RasterTile& tile) {
   return 1.0f / length(Vec3f{tile.to_tile[0], tile.to_tile[1], tile.to_tile[2]});
 }
 
-/// The rank (kernels/rasterize.cl) of what lies open_reach texels past a primitive.
-std::uint32_t least_open_rank(bool discs, const RasterConfig& config) {
-  const float distance = discs ? 2 * config.reach : config.open_reach;
-  return static_cast<std::uint32_t>(254.0f - distance * (126.5f / config.reach));
-}
-
 }  // namespace
 
 float tile_resolution(const PartitionNode& node, float rho) {
@@ -209,9 +203,10 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     device.kernel("rasterize", "rasterize_guests")
         .run(guest_run_count, group, guest_runs, guest_run_count, device_tiles, guests.primitives,
              primitives.shape, discs, config.reach, config.layer_gap, keys, guest_keys);
+    // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
     device.kernel("rasterize", "rasterize_merge")
-        .run(texel_count, 256, keys, guest_keys, static_cast<std::uint32_t>(texel_count),
-             least_open_rank(primitives.discs, config));
+        .run(texel_count, 256, keys, guest_keys, static_cast<std::uint32_t>(texel_count), config.reach,
+             primitives.discs ? 2 * config.reach : config.open_reach);
   }
 
   const Buffer<TileRange> device_ranges(device, tiles.size());

@@ -144,7 +144,8 @@ void measure_memory(const Built& built, const Scan& scan, Report& report) {
                              level.texels_used});
     report.memory.push_back({"rbvh", level.name,
                              level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf),
-                             texel_bytes});
+                             texel_bytes + level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
+                                 level.exact_primitives.size() * sizeof(RbvhPrimitive)});
   }
   report.memory.push_back({"exact", "SAH", built.exact.nodes.size() * sizeof(ExactNode),
                            built.exact.blocks.size() * sizeof(ExactBlock)});

@@ -150,7 +150,7 @@ Rbvh make_exact_rbvh() {
   level.leaves[1].primitives = 2;
   level.leaves[2].primitives = 1;
   level.exact_leaves = {{1, 0}, {2, 2}};
-  level.exact_primitives = {{{0, 0, 0, 1, 0, 0, 0, 1, 0}}, {{1, 0, 0, 1, 1, 0, 0, 1, 0}}, {{0.5f, 0, 0}}};
+  level.exact_primitives = {{{0, 0, 0, 1, 0, 0, 1}}, {{1, 0, 0, 0.5f, 0, 1, 0}}, {{0.5f, 0, 0, 0, 1, 0, 0}}};
   level.exact_discs = true;
   return rbvh;
 }
@@ -343,6 +343,8 @@ TEST_F(RbvhFileTest, HostilePrimitives) {
                   "4 primitives of which leaves keep 3");
   expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }), "3 primitives of which leaves keep 0");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[8] = std::nanf(""); }), "not finite");
+  expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[3] = -1; }), "radius is negative");
+  expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[4] = 2; }), "not of length 1");
 }
 
 TEST_F(RbvhFileTest, HostileVectors) {
