@@ -18,7 +18,7 @@ struct Cut {
   std::uint32_t count = 0;
 };
 
-Cut widen(const SahBvh& bvh, std::uint32_t root) {
+Cut widen(const Bvh& bvh, std::uint32_t root) {
   Cut cut;
   cut.nodes[cut.count++] = root;
   while (cut.count < EXACT_NODE_WIDTH) {
@@ -50,7 +50,7 @@ void put_vector(ExactBlock& block, std::size_t row, std::size_t lane, const Vec3
   for (std::size_t axis = 0; axis < 3; ++axis) block.rows[row + axis][lane] = v[static_cast<int>(axis)];
 }
 
-void fill_block(const SahBvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBlock& block) {
+void fill_block(const Bvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBlock& block) {
   RBVH_CHECK(leaf.count <= EXACT_BLOCK_WIDTH);
   for (std::uint32_t lane = 0; lane < leaf.count; ++lane) {
     const std::uint32_t id = bvh.order[leaf.first + lane];
@@ -108,7 +108,7 @@ std::vector<Bounds3f> primitive_bounds(const Scan& scan) {
   return boxes;
 }
 
-ExactLayout flatten_exact(const SahBvh& bvh, const Scan& scan) {
+ExactLayout flatten_exact(const Bvh& bvh, const Scan& scan) {
   ExactLayout layout;
   layout.scene.root = EXACT_LEAF_BIT;  // the empty block
   std::vector<std::uint32_t> leaves;   // binary leaf of block i + 1

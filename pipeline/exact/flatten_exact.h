@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/exact_layout.h"
-#include "pipeline/exact/sah_bvh.h"
+#include "pipeline/exact/bvh.h"
 #include "pipeline/scan/scan.h"
 
 namespace rbvh {
@@ -18,7 +18,7 @@ struct ExactLayout {
 };
 
 /// `bvh` is over the scan's triangles or, in a cloud, discs, with leaves of at most EXACT_BLOCK_WIDTH.
-ExactLayout flatten_exact(const SahBvh& bvh, const Scan& scan);
+ExactLayout flatten_exact(const Bvh& bvh, const Scan& scan);
 
 /// The box of every primitive; empty for one that can never be hit.
 std::vector<Bounds3f> primitive_bounds(const Scan& scan);

@@ -6,7 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/exact/flatten_exact.h"
-#include "pipeline/exact/sah_bvh.h"
+#include "pipeline/exact/sah_binned_bvh.h"
 
 namespace rbvh {
 namespace {
@@ -30,7 +30,7 @@ ExactTracer make_exact_tracer(const Device& device, const Scan& scan, ExactTimin
   RBVH_CHECK(!scan.is_cloud() ||
              (scan.normals.size() == scan.positions.size() && scan.radii.size() == scan.positions.size()));
   ExactTimings times;
-  const SahBvh bvh = build_sah_bvh(primitive_bounds(scan), {EXACT_BLOCK_WIDTH, EXACT_BLOCK_WIDTH});
+  const Bvh bvh = build_sah_binned_bvh(primitive_bounds(scan), {EXACT_BLOCK_WIDTH, EXACT_BLOCK_WIDTH});
   times.hierarchy = lap();
   const ExactLayout layout = flatten_exact(bvh, scan);
   times.flatten = lap();
