@@ -7,6 +7,7 @@
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/device/device.h"
 #include "pipeline/exact/lbvh.h"
+#include "pipeline/exact/ploc.h"
 #include "pipeline/exact/sah_binned_bvh.h"
 #include "pipeline/exact/sah_bvh.h"
 #include "tests/property.h"
@@ -55,6 +56,7 @@ const Builder kBuilders[] = {
        return build_lbvh(device(), boxes, config, MortonBits::k30);
      },
      1.8},
+    {"ploc", [](const auto& boxes, const auto& config) { return build_ploc(device(), boxes, config); }, 1.2},
     {"lbvh_gpu", [](const auto& boxes, const auto& config) { return build_lbvh(as_gpu(), boxes, config); },
      1.8},
 };
@@ -177,8 +179,9 @@ TEST_P(BvhBuilders, TheSameForAnyNumberOfThreads) {
   expect_same(one, three);
 }
 
-TEST(Lbvh, TheSameOnAGpu) {
+TEST(DeviceBuilders, TheSameOnAGpu) {
   const std::vector<Bounds3f> boxes = random_boxes(50000, false);
+  expect_same(build_ploc(device(), boxes, {8, 8}), build_ploc(as_gpu(), boxes, {8, 8}));
   expect_same(build_lbvh(device(), boxes, {8, 8}), build_lbvh(as_gpu(), boxes, {8, 8}));
 }
 
