@@ -38,7 +38,7 @@ struct BvhConfig {
 };
 
 /// No tree of any builder here is deeper, counted in nodes from the root to a leaf.
-inline constexpr int kMaxBvhDepth = 96;
+inline constexpr int kMaxBvhDepth = 120;
 
 /// Nodes from the root to the deepest leaf; 0 for an empty tree.
 int depth(const Bvh& bvh);

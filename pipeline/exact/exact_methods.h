@@ -24,7 +24,7 @@ inline constexpr ExactBuilderInfo kExactBuilders[] = {
     {ExactBuilder::kSahBinned, "sah-binned", TreeKind::kBvh, "surface area heuristic, 16 bins, on the host"},
     {ExactBuilder::kSah, "sah", TreeKind::kBvh, "surface area heuristic, every plane, on the host"},
     {ExactBuilder::kPloc, "ploc", TreeKind::kBvh,
-     "nearest neighbours merged from the leaves up, on the device"},
+     "nearest neighbours merged from the leaves up, on the device; SAH on top"},
     {ExactBuilder::kLbvh, "lbvh", TreeKind::kBvh, "Morton codes, on the device"},
     {ExactBuilder::kKd, "kd", TreeKind::kKd, "surface area heuristic, every plane, on the host"},
 };
