@@ -582,6 +582,38 @@ TEST_F(TraceExact, AMillionUnitsAway) {
   check(scan, exact_rays(random, scan, 300), 0);
 }
 
+TEST_F(TraceExact, TreesDeeperThanAWordHasBits) {
+  // Morton codes of one bit each, which are taken off one at a time, and many of none, told apart by place.
+  Scan scan;
+  const auto add = [&](const Vec3f& c, float e) {
+    add_triangle(scan, c + Vec3f{-e, -e, -e}, c + Vec3f{e, e, 0}, c + Vec3f{-e, e, e});
+  };
+  for (int bit = -1; bit <= 20; ++bit) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vec3f c{};
+      c[axis] = std::ldexp(1.0f, bit);
+      add(c, 0.25f * c[axis]);
+    }
+  }
+  for (int i = 0; i < 600; ++i) add({0, 0, 0}, 1e-3f * static_cast<float>(1 + i % 7));
+  bool deep = false;
+  for (const Method& method : all_methods(device, scan)) {
+    deep = deep || method.tracer.options.find("TRAIL_WORDS=2") != std::string::npos;
+  }
+  EXPECT_TRUE(deep);
+  std::vector<Ray> rays = random_rays(random, scan, 300);
+  for (std::size_t i = 0; i < 100; ++i) {  // at each, from its own size away; and through many
+    const Triangle& t = scan.triangles[i];
+    const Vec3f a = scan.positions[t[0]], b = scan.positions[t[1]], c = scan.positions[t[2]];
+    const Vec3f middle = a * 0.5f + b * 0.3f + c * 0.2f;
+    rays.push_back(make_ray(middle + cross(b - a, c - a) * (1 / length(b - a)), middle - a));
+    rays.push_back(make_ray(middle - Vec3f{0, 0, length(b - a)}, {0, 0, 1}));
+    rays.push_back(make_ray(middle * 2.0f, -middle));
+    rays.push_back(make_ray(-middle, middle));
+  }
+  check(scan, rays, 0);
+}
+
 TEST_F(TraceExact, AMillionDuplicatesOfOneCode) {
   Scan scan = soup(random, 1, 1);
   const Triangle one = scan.triangles[0];
