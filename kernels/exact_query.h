@@ -35,9 +35,22 @@ typedef struct Query {
   uint near_row[3], far_row[3];  // of planes in the order lo x y z, hi x y z
 } Query;
 
+// How far a box must be met beside where it is, for rays from `origin`. Rounding in the triangle test moves things
+// by at most 5 * 2^-24 of the distances along two axes, rounding in the box test by 3 * 2^-24 of the coordinates:
+// together less than this.
+static inline float error_bound(const float* origin, const ExactScene* scene) {
+  float reach = 0.0f;
+  for (uint i = 0; i < 3; ++i) {
+    const float o = origin[i];
+    reach = max(reach, max(fabs(scene->lo[i] - o), fabs(scene->hi[i] - o)));
+    reach = max(reach, fabs(o));
+  }
+  return 1.2e-6f * reach;
+}
+
 // False where the ray cannot hit anything: not finite, without a direction or an interval.
 static bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
-  float longest = 0.0f, reach = 0.0f;
+  float longest = 0.0f;
   bool finite = ray->tmin <= ray->tmax;
   q->kz = 0;
   for (uint i = 0; i < 3; ++i) {
@@ -49,8 +62,6 @@ static bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
       longest = fabs(d);
       q->kz = i;
     }
-    reach = max(reach, max(fabs(scene->lo[i] - o), fabs(scene->hi[i] - o)));
-    reach = max(reach, fabs(o));
   }
   if (!finite || !(longest > 0.0f)) return false;
   q->tmin = ray->tmin;
@@ -59,9 +70,7 @@ static bool prepare(const Ray* ray, const ExactScene* scene, Query* q) {
   q->sx = q->direction[q->kx] / q->direction[q->kz];
   q->sy = q->direction[q->ky] / q->direction[q->kz];
   q->sz = 1.0f / q->direction[q->kz];
-  // Rounding in the triangle test moves things by at most 5 * 2^-24 of the distances along two axes, rounding
-  // in the box test by 3 * 2^-24 of the coordinates: together less than this.
-  const float margin = 1.2e-6f * reach;
+  const float margin = error_bound(q->origin, scene);
   for (uint i = 0; i < 3; ++i) {
     const float d = q->direction[i];
     const float parallel_limit = 1e-18f * longest;

@@ -17,7 +17,7 @@
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kGroup = 64;
+constexpr std::size_t kGroup = 64, kPacketGroup = 16;
 constexpr std::uint32_t kLeafSize = 8;
 
 class Stopwatch {
@@ -69,6 +69,8 @@ void make_from_bvh(ExactTracer& tracer, const Scan& scan, const ExactConfig& con
     case ExactTraversal::kWide16: {
       const Wide16Layout layout = flatten_wide16(bvh, scan);
       tracer.options = stack_option(layout.stack, 128) + (scan.is_cloud() ? " -DDISCS" : "");
+      // A GPU's work-items have no room for 16 rays.
+      tracer.packets = !scan.is_cloud() && tracer.device.info().is_cpu;
       return upload_layout(tracer, layout, layout.blocks, watch, times);
     }
     case ExactTraversal::kBvhStack:
@@ -124,7 +126,7 @@ ExactTracer make_exact_tracer(const Device& device, const Scan& scan, const Exac
                 std::string(traversal.name) + " casts triangles only, and this is a cloud; take " +
                     kExactTraversals[0].name);
   }
-  ExactTracer tracer{device, traversal.kernel, {}, {}, {}, {}, {}};
+  ExactTracer tracer{device, traversal.kernel, {}, {}, {}, {}, {}, false};
   if (traversal.tree == TreeKind::kKd) {
     make_from_kd(tracer, scan, config, timings);
   } else {
@@ -146,6 +148,14 @@ void trace_camera(const ExactTracer& tracer, const CameraRays& camera, const Buf
                   const Buffer<std::uint32_t>* steps) {
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
   RBVH_CHECK(hits.size() >= pixels && (steps == nullptr || steps->size() >= pixels));
+  if (tracer.packets) {
+    const std::uint32_t in_row = (camera.width + 3) / 4;
+    tracer.device.kernel(tracer.kernel, "trace_camera_packets", tracer.options)
+        .run(std::size_t{in_row} * ((camera.height + 3) / 4), kPacketGroup, tracer.nodes, tracer.primitives,
+             tracer.references, tracer.scene, camera, in_row, hits,
+             steps != nullptr ? *steps : Buffer<std::uint32_t>());
+    return;
+  }
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
   tracer.device.kernel(tracer.kernel, "trace_camera", tracer.options)
       .run(squares * 64, kGroup, tracer.nodes, tracer.primitives, tracer.references, tracer.scene, camera,

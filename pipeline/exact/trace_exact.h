@@ -27,6 +27,7 @@ struct ExactTracer {
   ExactScene scene{};
   Buffer<std::uint32_t> nodes, primitives;  ///< the kernel's own structs
   Buffer<std::uint32_t> references;         ///< kd-trees only
+  bool packets = false;                     ///< cameras' rays go 16 at a time
   std::size_t node_bytes() const { return nodes.size() * sizeof(std::uint32_t); }
   std::size_t primitive_bytes() const {
     return (primitives.size() + references.size()) * sizeof(std::uint32_t);
@@ -53,7 +54,7 @@ ExactTracer make_exact_tracer(const Device& device, const Scan& scan, const Exac
 void trace_rays(const ExactTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                 std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
 
-/// Primary rays of a camera: hits row by row.
+/// Primary rays of a camera: hits row by row. In packets `steps` are what the ray's packet visited.
 void trace_camera(const ExactTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
                   const Buffer<std::uint32_t>* steps = nullptr);
 

@@ -657,6 +657,20 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
     std::uint64_t total = 0;
     for (const std::uint32_t count : steps.read()) total += count;
     EXPECT_GT(total, rays.size());
+    if (method.tracer.packets) {  // the same hits as one by one, from afar and from amid the triangles
+      ExactTracer alone = method.tracer;
+      alone.packets = false;
+      CameraRays inside = words;
+      for (float& position : inside.position) position *= 0.01f;
+      Buffer<Hit> others(device, rays.size());
+      for (const CameraRays& c : {words, inside}) {
+        trace_camera(method.tracer, c, hits);
+        trace_camera(alone, c, others);
+        const std::vector<Hit> a = hits.read(), b = others.read();
+        for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(is_same(a[i], b[i])) << i;
+      }
+      continue;
+    }
     const ExactVisits mean =
         mean_visits(method.tracer, Buffer<Ray>(device, rays), rays.size(), RayQuery::kNearest);
     EXPECT_NEAR(mean.nodes + mean.primitives, static_cast<double>(total) / static_cast<double>(rays.size()),
