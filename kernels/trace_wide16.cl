@@ -216,38 +216,48 @@ typedef struct Packet {
   uint near_row[3], far_row[3];
 } Packet;
 
-// False where the rays do not agree.
-static bool prepare_packet(const Ray* rays, const ExactScene* scene, Packet* p) {
-  float sx[16], sy[16], sz[16];
-  Query q, first;
-  for (uint i = 0; i < 16; ++i) {
-    if (!prepare(rays + i, scene, &q)) return false;
-    if (i == 0) first = q;
-    sx[i] = q.sx;
-    sy[i] = q.sy;
-    sz[i] = q.sz;
-    if (q.kz != first.kz) return false;
-    for (uint axis = 0; axis < 3; ++axis) {
-      if (q.near_row[axis] != first.near_row[axis]) return false;
-      p->inverse[axis][0] = i == 0 ? q.inverse[axis] : min(p->inverse[axis][0], q.inverse[axis]);
-      p->inverse[axis][1] = i == 0 ? q.inverse[axis] : max(p->inverse[axis][1], q.inverse[axis]);
-    }
+static inline float greatest(float16 v) {
+  const float8 v8 = max(v.lo, v.hi);
+  const float4 v4 = max(v8.lo, v8.hi);
+  const float2 v2 = max(v4.lo, v4.hi);
+  return max(v2.x, v2.y);
+}
+
+#define ALL_LANES 0xffffu
+
+// False where the rays do not agree, or one is nearly parallel to a plane: prepare() knows about that.
+static bool prepare_packet(const float* origin, const float16* d, const ExactScene* scene, Packet* p) {
+  const float16 x = fabs(d[0]), y = fabs(d[1]), z = fabs(d[2]);
+  if (lane_bits16((x >= y) & (x >= z)) == ALL_LANES) {
+    p->kz = 0;
+  } else if (lane_bits16((y > x) & (y >= z)) == ALL_LANES) {
+    p->kz = 1;
+  } else if (lane_bits16((z > x) & (z > y)) == ALL_LANES) {
+    p->kz = 2;
+  } else {
+    return false;
   }
-  p->kx = first.kx;
-  p->ky = first.ky;
-  p->kz = first.kz;
-  p->sx = vload16(0, sx);
-  p->sy = vload16(0, sy);
-  p->sz = vload16(0, sz);
-  const float margin = error_bound(first.origin, scene);
+  p->kx = (p->kz + 1) % 3;
+  p->ky = (p->kz + 2) % 3;
+  const float16 longest = fabs(d[p->kz]);
+  p->sx = d[p->kx] / d[p->kz];
+  p->sy = d[p->ky] / d[p->kz];
+  p->sz = 1.0f / d[p->kz];
+  const float margin = error_bound(origin, scene);
   for (uint axis = 0; axis < 3; ++axis) {
-    const float o = first.origin[axis], outwards = copysign(margin, first.inverse[axis]);
-    p->origin[axis] = o;
-    p->near_row[axis] = first.near_row[axis];
-    p->far_row[axis] = first.far_row[axis];
+    if (!isfinite(origin[axis]) || lane_bits16(fabs(d[axis]) > 1e-18f * longest) != ALL_LANES) return false;
+    const uint back = lane_bits16(d[axis] < 0.0f);
+    if (back != 0 && back != ALL_LANES) return false;
+    const float16 inverse = 1.0f / d[axis];
+    p->inverse[axis][0] = -greatest(-inverse);
+    p->inverse[axis][1] = greatest(inverse);
+    p->origin[axis] = origin[axis];
+    p->near_row[axis] = back ? axis + 3 : axis;
+    p->far_row[axis] = back ? axis : axis + 3;
+    const float outwards = back ? -margin : margin;
     for (uint k = 0; k < 2; ++k) {
-      p->near_offset[axis][k] = -(o + outwards) * p->inverse[axis][k];
-      p->far_offset[axis][k] = -(o - outwards) * p->inverse[axis][k];
+      p->near_offset[axis][k] = -(origin[axis] + outwards) * p->inverse[axis][k];
+      p->far_offset[axis][k] = -(origin[axis] - outwards) * p->inverse[axis][k];
     }
   }
   return true;
@@ -267,6 +277,24 @@ static inline uint meet_children_packet(__global const ExactNode* node, const Pa
   }
   *entry = enter;
   return lane_bits16(enter <= leave);
+}
+
+// Triangles of a block whose boxes any of the rays may meet before `limit`, as bits: most of a block's lie beside
+// the packet.
+static inline uint meet_boxes_packet(__global const ExactBlock* b, const Packet* p, float limit) {
+  float8 enter = 0.0f, leave = limit;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float8 v0 = vload8(0, b->rows[axis]), v1 = vload8(0, b->rows[axis + 3]), v2 = vload8(0, b->rows[axis + 6]);
+    const float8 lo = min(v0, min(v1, v2)), hi = max(v0, max(v1, v2));
+    const bool back = p->near_row[axis] > 2;
+    const float8 near = back ? hi : lo, far = back ? lo : hi;
+    enter = max(enter, min(mad(near, (float8)(p->inverse[axis][0]), (float8)(p->near_offset[axis][0])),
+                           mad(near, (float8)(p->inverse[axis][1]), (float8)(p->near_offset[axis][1]))));
+    leave = min(leave, max(mad(far, (float8)(p->inverse[axis][0]), (float8)(p->far_offset[axis][0])),
+                           mad(far, (float8)(p->inverse[axis][1]), (float8)(p->far_offset[axis][1]))));
+  }
+  const float8 used = vload8(0, b->rows[0]);
+  return lane_bits8((enter <= leave) & (used == used));
 }
 
 // meet_block() the other way round: one triangle, 16 rays. The arithmetic is the same, so the hits are.
@@ -309,13 +337,6 @@ static inline bool meet_triangle_packet(__global const ExactBlock* b, uint lane,
   return true;
 }
 
-static inline float greatest(float16 v) {
-  const float8 v8 = max(v.lo, v.hi);
-  const float4 v4 = max(v8.lo, v8.hi);
-  const float2 v2 = max(v4.lo, v4.hi);
-  return max(v2.x, v2.y);
-}
-
 // As traverse(), nearest hits. Returns what the packet visited.
 static uint2 traverse_packet(const Tree* tree, const Packet* p, Found16* found) {
   uint stack[STACK];
@@ -330,7 +351,8 @@ static uint2 traverse_packet(const Tree* tree, const Packet* p, Found16* found) 
       const uint block = current & ~EXACT_LEAF_BIT;
       __global const ExactBlock* b = tree->primitives + block;
       bool taken = false;
-      for (uint lane = 0; lane < EXACT_BLOCK_WIDTH && b->ids[lane] != RBVH_NO_LEAF; ++lane) {
+      for (uint mask = meet_boxes_packet(b, p, limit); mask != 0; mask &= mask - 1) {
+        const uint lane = lowest_bit(mask);
         taken |= meet_triangle_packet(b, lane, block * EXACT_BLOCK_WIDTH + lane, p, found);
       }
       if (taken) limit = greatest(found->t);
@@ -350,6 +372,63 @@ static uint2 traverse_packet(const Tree* tree, const Packet* p, Found16* found) 
   }
 }
 
+// camera_ray()'s directions of a square of 4 x 4 pixels.
+static inline void square_directions(const CameraRays* camera, uint left, uint top, float16* d) {
+  const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  const float16 sx = ((float16)((float)left) + column) + camera->offset_x;
+  const float16 sy = ((float16)((float)top) + row) + camera->offset_y;
+  for (int i = 0; i < 3; ++i) d[i] = camera->corner[i] + camera->right[i] * sx + camera->up[i] * sy;
+  const float16 scale = 1.0f / sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+  for (int i = 0; i < 3; ++i) d[i] = d[i] * scale;
+}
+
+// make_hit() for 16 rays.
+static inline void make_hits(const Found16* found, __global const ExactBlock* blocks, const float16* d,
+                             Hit* hits) {
+  float corners[9][16], t[16], u[16], v[16], normal[3][16];
+  uint id[16], at[16];
+  vstore16(found->t, 0, t);
+  vstore16(found->u, 0, u);
+  vstore16(found->v, 0, v);
+  vstore16(found->id, 0, id);
+  vstore16(found->at, 0, at);
+  for (uint i = 0; i < 16; ++i) {
+    __global const ExactBlock* b = blocks + at[i] / EXACT_BLOCK_WIDTH;
+    for (uint row = 0; row < 9; ++row) corners[row][i] = b->rows[row][at[i] % EXACT_BLOCK_WIDTH];
+  }
+  float16 ab[3], ac[3], n[3], e = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float16 a = vload16(0, corners[axis]);
+    ab[axis] = vload16(0, corners[axis + 3]) - a;
+    ac[axis] = vload16(0, corners[axis + 6]) - a;
+    e = max(e, max(fabs(ab[axis]), fabs(ac[axis])));
+  }
+  const float16 scale = 1.0f / e;  // as in triangle_normal()
+  for (uint axis = 0; axis < 3; ++axis) {
+    ab[axis] *= scale;
+    ac[axis] *= scale;
+  }
+  for (uint axis = 0; axis < 3; ++axis) {
+    n[axis] = ab[(axis + 1) % 3] * ac[(axis + 2) % 3] - ab[(axis + 2) % 3] * ac[(axis + 1) % 3];
+  }
+  const float16 inverse_length = 1.0f / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  for (uint axis = 0; axis < 3; ++axis) {
+    n[axis] *= inverse_length;
+    vstore16(n[axis], 0, normal[axis]);
+  }
+  const uint back = lane_bits16(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0f);
+  for (uint i = 0; i < 16; ++i) {
+    const bool hit = id[i] != RBVH_NO_LEAF;
+    hits[i].t = hit ? t[i] : INFINITY;
+    for (uint axis = 0; axis < 3; ++axis) hits[i].normal[axis] = hit ? normal[axis][i] : 0.0f;
+    hits[i].u = hit ? u[i] : 0.0f;
+    hits[i].v = hit ? v[i] : 0.0f;
+    hits[i].leaf = id[i];
+    hits[i].flags = hit ? RBVH_HIT_TRIANGLE_LEAF | (back >> i & 1 ? RBVH_HIT_BACK_FACE : 0u) : 0u;
+  }
+}
+
 // A square of 4 x 4 pixels a work-item; `squares` of them in a row.
 __kernel void trace_camera_packets(__global const ExactNode* nodes, __global const ExactBlock* blocks,
                                    __global const uint* references, ExactScene scene, CameraRays camera,
@@ -357,41 +436,33 @@ __kernel void trace_camera_packets(__global const ExactNode* nodes, __global con
   const uint left = (uint)get_global_id(0) % squares * 4, top = (uint)get_global_id(0) / squares * 4;
   if (top >= camera.height) return;
   const Tree tree = {nodes, blocks, references, &scene};
-  Ray rays[16];
-  for (uint i = 0; i < 16; ++i) {  // beyond the edge: the last pixel again
-    rays[i] = camera_ray(&camera, min(left + i % 4, camera.width - 1), min(top + i / 4, camera.height - 1));
-  }
-  Found found[16];
+  float16 d[3];
+  square_directions(&camera, left, top, d);
+  Hit square[16];
   uint visited[16];
   Packet packet;
-  if (prepare_packet(rays, &scene, &packet)) {
-    Found16 all;
-    all.t = FLT_MAX;
-    all.u = all.v = 0.0f;
-    all.id = RBVH_NO_LEAF;
-    all.at = 0;
-    const uint2 both = traverse_packet(&tree, &packet, &all);
-    float t[16], u[16], v[16];
-    uint id[16], at[16];
-    vstore16(all.t, 0, t);
-    vstore16(all.u, 0, u);
-    vstore16(all.v, 0, v);
-    vstore16(all.id, 0, id);
-    vstore16(all.at, 0, at);
-    for (uint i = 0; i < 16; ++i) {
-      found[i] = (Found){t[i], u[i], v[i], id[i], at[i]};
-      visited[i] = both.x + both.y;
-    }
+  if (prepare_packet(camera.position, d, &scene, &packet)) {
+    Found16 found;
+    found.t = FLT_MAX;
+    found.u = found.v = 0.0f;
+    found.id = RBVH_NO_LEAF;
+    found.at = 0;
+    const uint2 both = traverse_packet(&tree, &packet, &found);
+    make_hits(&found, blocks, d, square);
+    for (uint i = 0; i < 16; ++i) visited[i] = both.x + both.y;
   } else {
     for (uint i = 0; i < 16; ++i) {
-      const uint2 both = trace(&tree, rays + i, 0, found + i);
+      const Ray ray = camera_ray(&camera, left + i % 4, top + i / 4);
+      Found found;
+      const uint2 both = trace(&tree, &ray, 0, &found);
+      square[i] = make_hit(&found, blocks, &ray);
       visited[i] = both.x + both.y;
     }
   }
   for (uint i = 0; i < 16; ++i) {
     const uint x = left + i % 4, y = top + i / 4;
     if (x >= camera.width || y >= camera.height) continue;
-    hits[y * camera.width + x] = make_hit(found + i, blocks, rays + i);
+    hits[y * camera.width + x] = square[i];
     if (steps) steps[y * camera.width + x] = visited[i];
   }
 }
