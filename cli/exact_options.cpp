@@ -72,6 +72,11 @@ ExactConfig exact_config(const ExactOptions& options, std::optional<ExactTravers
   return config;
 }
 
+void report_exact(Context& context, const ExactConfig& config) {
+  context.report["tracer"] = info(config.traversal).name;
+  context.report["builder"] = info(config.builder).name;
+}
+
 void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Subject& subject) {
   if (subject.rbvh()) {
     if (options.tracer || options.builder)

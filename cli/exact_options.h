@@ -28,4 +28,7 @@ ExactConfig exact_config(const ExactOptions& options, std::optional<ExactTravers
 /// and the tracer takes triangles only.
 void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Subject& subject);
 
+/// Says in the report how a scan was cast.
+void report_exact(Context& context, const ExactConfig& config);
+
 }  // namespace rbvh

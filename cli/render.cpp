@@ -147,7 +147,11 @@ class Renderer {
       context_.report["device"] = device_json(device_->info());
     }
     std::vector<Vec3f> normals;
-    if (subject.scan()) normals = shading_normals(*subject.scan());
+    if (subject.scan()) {
+      normals = shading_normals(*subject.scan());
+      report_exact(context_, configs_[0]);
+      if (configs_.size() > 1) context_.report["compared_with"] = info(configs_[1].traversal).name;
+    }
     std::size_t done = 0;
     for (const std::string& level : levels) {
       watch.lap();

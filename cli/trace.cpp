@@ -120,6 +120,7 @@ void run_trace(Context& context, const TraceOptions& options) {
     warn(context, options.rays + ": " + std::to_string(unusable) +
                       " rays are not finite or have no direction; they miss");
   context.report["device"] = device_json(device.info());
+  if (subject.scan()) report_exact(context, exact);
   context.report["timings"] = {{"load", load_seconds}, {"upload", upload_seconds}, {"trace", cast_seconds}};
   context.report["counts"] = {
       {"rays", rays.rows},
