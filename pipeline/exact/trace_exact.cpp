@@ -19,6 +19,9 @@ namespace {
 
 constexpr std::size_t kGroup = 64, kPacketGroup = 16;
 constexpr std::uint32_t kLeafSize = 8;
+// Triangles a pixel up to which packets pay: where they are smaller, the rays of a packet go apart.
+// Measured: 4.5 times as fast as single rays at 0.2 triangles, 2.7 at 0.8, 1.7 at 3.3, 0.8 at 13.
+constexpr std::size_t kPacketTriangles = 8;
 
 class Stopwatch {
  public:
@@ -70,7 +73,8 @@ void make_from_bvh(ExactTracer& tracer, const Scan& scan, const ExactConfig& con
       const Wide16Layout layout = flatten_wide16(bvh, scan);
       tracer.options = stack_option(layout.stack, 128) + (scan.is_cloud() ? " -DDISCS" : "");
       // A GPU's work-items have no room for 16 rays.
-      tracer.packets = !scan.is_cloud() && tracer.device.info().is_cpu;
+      if (!scan.is_cloud() && tracer.device.info().is_cpu)
+        tracer.packet_pixels = scan.triangles.size() / kPacketTriangles + 1;
       return upload_layout(tracer, layout, layout.blocks, watch, times);
     }
     case ExactTraversal::kBvhStack:
@@ -126,7 +130,7 @@ ExactTracer make_exact_tracer(const Device& device, const Scan& scan, const Exac
                 std::string(traversal.name) + " casts triangles only, and this is a cloud; take " +
                     kExactTraversals[0].name);
   }
-  ExactTracer tracer{device, traversal.kernel, {}, {}, {}, {}, {}, false};
+  ExactTracer tracer{device, traversal.kernel, {}, {}, {}, {}, {}, 0};
   if (traversal.tree == TreeKind::kKd) {
     make_from_kd(tracer, scan, config, timings);
   } else {
@@ -148,7 +152,7 @@ void trace_camera(const ExactTracer& tracer, const CameraRays& camera, const Buf
                   const Buffer<std::uint32_t>* steps) {
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
   RBVH_CHECK(hits.size() >= pixels && (steps == nullptr || steps->size() >= pixels));
-  if (tracer.packets) {
+  if (tracer.packet_pixels > 0 && pixels >= tracer.packet_pixels) {
     const std::uint32_t in_row = (camera.width + 3) / 4;
     tracer.device.kernel(tracer.kernel, "trace_camera_packets", tracer.options)
         .run(std::size_t{in_row} * ((camera.height + 3) / 4), kPacketGroup, tracer.nodes, tracer.primitives,

@@ -27,7 +27,8 @@ struct ExactTracer {
   ExactScene scene{};
   Buffer<std::uint32_t> nodes, primitives;  ///< the kernel's own structs
   Buffer<std::uint32_t> references;         ///< kd-trees only
-  bool packets = false;                     ///< cameras' rays go 16 at a time
+  /// Cameras of at least so many pixels have their rays cast 16 at a time; 0: none.
+  std::size_t packet_pixels = 0;
   std::size_t node_bytes() const { return nodes.size() * sizeof(std::uint32_t); }
   std::size_t primitive_bytes() const {
     return (primitives.size() + references.size()) * sizeof(std::uint32_t);
