@@ -502,7 +502,8 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
     std::uint64_t total = 0;
     for (const std::uint32_t count : steps.read()) total += count;
     EXPECT_GT(total, rays.size());
-    if (method.tracer.packet_pixels > 0) {  // the same hits as one by one, from afar and from amid the triangles
+    if (method.tracer.packet_pixels >
+        0) {  // the same hits as one by one, from afar and from amid the triangles
       ExactTracer alone = method.tracer;
       alone.packet_pixels = 0;
       CameraRays inside = words;
