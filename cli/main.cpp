@@ -76,6 +76,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
     print_data(app.help());
   } catch (const CLI::CallForVersion&) {
     print_data(std::string("rbvh ") + RBVH_VERSION + "\n");
+  } catch (const CLI::Success&) {  // an option that was all that was wanted
   } catch (const CLI::ParseError& error) {
     throw Error(ExitCode::kUsage, "",
                 one_line(error.what()) + "; see rbvh " + (context.stage.empty() ? "" : context.stage + " ") +

@@ -5,11 +5,13 @@
 
 #include "cli/camera_options.h"
 #include "cli/common.h"
+#include "cli/exact_options.h"
 #include "cli/name_template.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/image.h"
 #include "io/output_file.h"
+#include "pipeline/render/difference.h"
 #include "pipeline/render/shade.h"
 
 namespace rbvh {
@@ -20,6 +22,8 @@ constexpr int kShadedSamples = 4;  // rays a pixel, unless --samples says otherw
 struct RenderOptions {
   std::vector<std::string> files, levels;
   CameraOptions camera;
+  ExactOptions exact;
+  std::vector<ExactTraversal> compared;  // none, or two tracers
   Aov aov = Aov::kShaded;
   int samples = 0;  // 0: the AOV's default
 };
@@ -28,6 +32,16 @@ Aov parse_aov(std::string_view text) {
   if (const auto aov = find_aov(text)) return *aov;
   throw Error(ExitCode::kUsage, "",
               "'" + std::string(text) + "' is none of shaded, normal, depth, position, leaf, steps");
+}
+
+// Two tracers with a comma between.
+std::vector<ExactTraversal> parse_compared(std::string_view text) {
+  std::vector<ExactTraversal> tracers;
+  for (const std::string& name : parse_list(text)) tracers.push_back(parse_tracer(name));
+  if (tracers.size() != 2)
+    throw Error(ExitCode::kUsage, "",
+                "'" + std::string(text) + "' is not two tracers, such as wide16,bvh-stack");
+  return tracers;
 }
 
 int parse_samples(std::string_view text) {
@@ -82,6 +96,7 @@ struct RenderTimings {
 
 struct RenderCounts {
   std::uint64_t images = 0, rays = 0, bytes = 0;
+  std::uint64_t differing = 0;  // pixels of compared pictures
 };
 
 class Renderer {
@@ -89,6 +104,9 @@ class Renderer {
   Renderer(Context& context, const RenderOptions& options) : context_(context), options_(options) {}
 
   void run() {
+    if (options_.compared.empty()) configs_ = {exact_config(options_.exact)};
+    for (const ExactTraversal tracer : options_.compared)
+      configs_.push_back(exact_config(options_.exact, tracer));
     names_ = NameTemplate(context_.output);
     words_ = {options_.camera.words};
     const int turns = std::max(1, options_.camera.turntable);
@@ -109,6 +127,9 @@ class Renderer {
   void render_file(const std::string& path) {
     Stopwatch watch;
     const Subject subject = load_subject(context_, path);
+    if (subject.rbvh() && !options_.compared.empty())
+      throw Error(ExitCode::kUsage, path, "--compare is for scans; this is a pair");
+    for (const ExactConfig& config : configs_) check_exact_options(options_.exact, config, subject);
     const std::vector<std::string> levels = choose_levels(subject, options_.levels);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
@@ -126,17 +147,27 @@ class Renderer {
       context_.report["device"] = device_json(device_->info());
     }
     std::vector<Vec3f> normals;
-    if (subject.scan()) normals = shading_normals(*subject.scan());
+    if (subject.scan()) {
+      normals = shading_normals(*subject.scan());
+      report_exact(context_, configs_[0]);
+      if (configs_.size() > 1) context_.report["compared_with"] = info(configs_[1].traversal).name;
+    }
     std::size_t done = 0;
     for (const std::string& level : levels) {
       watch.lap();
-      const Caster caster = make_caster(*device_, subject, level);
+      std::vector<Caster> casters;
+      for (const ExactConfig& config : configs_) {
+        casters.push_back(make_caster(*device_, subject, level, config));
+        if (subject.rbvh()) break;
+      }
       device_->finish();
       timings_.upload += watch.lap();
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
         context_.progress.update(
             "render", static_cast<double>(done++) / static_cast<double>(levels.size() * cameras.size()));
-        const Image image = render(subject, level, normals, caster, cameras[frame]);
+        const Image image = options_.compared.empty()
+                                ? render(subject, level, normals, casters[0], cameras[frame])
+                                : compare(subject, casters, cameras[frame]);
         watch.lap();
         const std::string name = output_name(subject, level, frame);
         write_image(name, image, context_.force);
@@ -177,6 +208,21 @@ class Renderer {
     return sum;
   }
 
+  // Where two tracers' hits of the same rays differ.
+  Image compare(const Subject& subject, const std::vector<Caster>& casters, const Camera& camera) {
+    Stopwatch watch;
+    const Resolution size = options_.camera.resolution;
+    const CameraRays rays = camera_rays(camera, size.width, size.height);
+    const std::vector<Hit> first = cast_camera(casters[0], rays), second = cast_camera(casters[1], rays);
+    timings_.trace += watch.lap();
+    counts_.rays += first.size() + second.size();
+    for (std::size_t i = 0; i < first.size(); ++i)
+      counts_.differing += first[i].t != second[i].t || first[i].leaf != second[i].leaf;
+    Image image = difference_image(first, second, rays, subject.bounds.diagonal());
+    timings_.shade += watch.lap();
+    return image;
+  }
+
   static void add(Image& sum, Image&& image, float weight) {
     if (sum.pixels.empty()) {
       sum = make_image(image.kind, image.width, image.height, image.channels);
@@ -205,6 +251,10 @@ class Renderer {
     context_.report["counts"] = {{"images", counts_.images},
                                  {"rays", counts_.rays},
                                  {"mrays_per_second", mrays_per_second(counts_.rays, timings_.trace)}};
+    if (!options_.compared.empty()) {
+      context_.report["counts"]["differing_pixels"] = counts_.differing;
+      note(context_, "rbvh render: " + std::to_string(counts_.differing) + " pixels differ");
+    }
     context_.report["bytes"] = counts_.bytes;
   }
 
@@ -212,6 +262,7 @@ class Renderer {
   const RenderOptions& options_;
   NameTemplate names_;
   std::set<std::string> names_taken_;
+  std::vector<ExactConfig> configs_;  // one, or the two compared
   std::vector<CameraWords> words_;
   std::optional<Device> device_;
   RenderTimings timings_;
@@ -231,6 +282,11 @@ void add_render(CLI::App& app, Context& context) {
   add_level_option(*stage, options->levels, true);
   add_parsed(*stage, "--aov", options->aov, parse_aov, "WHAT",
              "shaded (default), normal, depth, position, leaf or steps; depth and position go to .exr");
+  add_exact_options(*stage, options->exact);
+  add_parsed(*stage, "--compare", options->compared, parse_compared, "A,B",
+             "where two tracers' hits differ, instead of a picture of the scan")
+      ->excludes("--aov")
+      ->excludes("--tracer");
   add_parsed(*stage, "--samples", options->samples, parse_samples, "N",
              "rays a pixel of a shaded picture (default: 4); 1 is the pixel's centre");
   add_camera_options(*stage, options->camera);

@@ -109,9 +109,10 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
                     " leaves or primitives are more than the 16777216 that a float32 can number");
 }
 
-Caster make_caster(const Device& device, const Subject& subject, const std::string& level) {
+Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
+                   const ExactConfig& exact) {
   if (subject.rbvh()) return make_rbvh_tracer(device, level_of(subject, level));
-  return make_exact_tracer(device, *subject.scan());
+  return make_exact_tracer(device, *subject.scan(), exact);
 }
 
 std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,

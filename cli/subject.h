@@ -48,8 +48,9 @@ void check_leaf_numbers(const Subject& subject, const std::string& level);
 
 using Caster = std::variant<RbvhTracer, ExactTracer>;
 
-/// `level` is one of choose_levels().
-Caster make_caster(const Device& device, const Subject& subject, const std::string& level);
+/// `level` is one of choose_levels(); `exact` is how a scan is cast.
+Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
+                   const ExactConfig& exact = {});
 
 /// Casts a camera's rays in bands that fit the device: width * height hits, row by row; as many steps where
 /// asked for.

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "cli/common.h"
+#include "cli/exact_options.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/npy.h"
@@ -20,6 +21,7 @@ constexpr float kLeastSquare = 1e-20f, kMostSquare = 1e20f;
 struct TraceOptions {
   std::string file, rays;
   std::vector<std::string> levels;
+  ExactOptions exact;
   bool any = false;
 };
 
@@ -62,10 +64,12 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
 }
 
 void run_trace(Context& context, const TraceOptions& options) {
+  const ExactConfig exact = exact_config(options.exact);
   check_output(context.output, context.force);
   Stopwatch watch;
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
+  check_exact_options(options.exact, exact, subject);
   const std::string level = choose_levels(subject, options.levels).front();
   check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,
@@ -73,7 +77,7 @@ void run_trace(Context& context, const TraceOptions& options) {
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
-  const Caster caster = make_caster(device, subject, level);
+  const Caster caster = make_caster(device, subject, level, exact);
   device.finish();
   const double upload_seconds = watch.lap();
 
@@ -116,6 +120,7 @@ void run_trace(Context& context, const TraceOptions& options) {
     warn(context, options.rays + ": " + std::to_string(unusable) +
                       " rays are not finite or have no direction; they miss");
   context.report["device"] = device_json(device.info());
+  if (subject.scan()) report_exact(context, exact);
   context.report["timings"] = {{"load", load_seconds}, {"upload", upload_seconds}, {"trace", cast_seconds}};
   context.report["counts"] = {{"rays", rays.rows},
                               {"hits", found},
@@ -144,6 +149,7 @@ void add_trace(CLI::App& app, Context& context) {
       ->type_name("FILE");
   stage->add_flag("--any", options->any, "any hit instead of the nearest: faster, for visibility");
   add_level_option(*stage, options->levels, false);
+  add_exact_options(*stage, options->exact);
 }
 
 }  // namespace rbvh

@@ -1,4 +1,4 @@
-// What trace_exact.cl traverses; host and kernel share it byte for byte like layout.h.
+// What the exact traversals walk, each drawn in its own kernel file; host and kernel share it byte for byte like layout.h.
 #ifndef RBVH_EXACT_LAYOUT_H
 #define RBVH_EXACT_LAYOUT_H
 
@@ -10,8 +10,9 @@ namespace rbvh {
 
 #define EXACT_NODE_WIDTH 16
 #define EXACT_BLOCK_WIDTH 8
-#define EXACT_LEAF_BIT 0x80000000u  // a child with it is a block, without it a node
+#define EXACT_LEAF_BIT 0x80000000u  // a child with it is a leaf, without it a node
 
+// --- wide16 ---------------------------------------------------------------------------------------------------------
 // Boxes of up to 16 children, one row a plane: lo x y z, hi x y z. An unused slot is a box far away without
 // extent, and its child is block 0, in which nothing can be hit: an inverted box would pass a slab test whose
 // rows are swapped.
@@ -29,10 +30,64 @@ typedef struct ExactBlock {
 } ExactBlock;
 RBVH_LAYOUT_SIZE(ExactBlock, 320);
 
+// --- bvh-stack, bvh-trail, bvh-parent -------------------------------------------------------------------------------
+// A triangle that is met alone. In a BVH a leaf's triangles lie one behind the other, the last one marked.
+typedef struct ExactTriangle {
+  float a[3];
+  rbvh_u32 id;  // in the scan
+  float b[3];
+  rbvh_u32 is_last;
+  float c[3];
+  rbvh_u32 unused;
+} ExactTriangle;
+RBVH_LAYOUT_SIZE(ExactTriangle, 48);
+
+// The boxes of two children, one row a plane: lo x y z, hi x y z.
+typedef struct PairNode {
+  float planes[6][2];
+  rbvh_u32 children[2];
+  rbvh_u32 unused[2];
+} PairNode;
+RBVH_LAYOUT_SIZE(PairNode, 64);
+
+#define PARENT_INDEX_MASK 0x1fffffffu
+#define PARENT_AXIS_SHIFT 29
+
+// A node with its own box and links down and up, each with an axis. Siblings differ in the lowest bit.
+typedef struct ParentNode {
+  float lo[3];
+  rbvh_u32 down;
+  float hi[3];
+  rbvh_u32 up;
+} ParentNode;
+RBVH_LAYOUT_SIZE(ParentNode, 32);
+
+// --- kd-stack, kd-pushdown, kd-backtrack ----------------------------------------------------------------------------
+#define KD_LEAF 3u  // for an axis
+
+// Inner: a plane, and two children one behind the other. Leaf: references.
+typedef struct KdCutNode {
+  float position;  // leaf: the number of references, as bits
+  rbvh_u32 link;   // axis (bits 0, 1); first child or first reference
+} KdCutNode;
+RBVH_LAYOUT_SIZE(KdCutNode, 8);
+
+// The same with the cell's box and the way up.
+typedef struct KdCellNode {
+  float lo[3];
+  rbvh_u32 link;
+  float hi[3];
+  rbvh_u32 parent;
+  float position;
+  rbvh_u32 unused;
+} KdCellNode;
+RBVH_LAYOUT_SIZE(KdCellNode, 40);
+
+// --- all ------------------------------------------------------------------------------------------------------------
 // What all rays need: the bounds of everything, and where to start.
 typedef struct ExactScene {
   float lo[3];
-  rbvh_u32 root;  // as a child
+  rbvh_u32 root;  // a node, or a leaf with EXACT_LEAF_BIT
   float hi[3];
   rbvh_u32 unused;
 } ExactScene;

@@ -1,285 +1,159 @@
 #include "pipeline/exact/sah_bvh.h"
 
+#include <algorithm>
 #include <array>
-#include <bit>
+#include <limits>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/exact/grow_bvh.h"
 
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kBins = 16;
-constexpr std::size_t kBinningGrain = 1 << 16;  // elements binned by one thread at a time
-constexpr int kMaxSahDepth = 64;                // below it sets are halved, so that the depth stays bounded
+constexpr int kMaxSahDepth = 64;  // below it sets are halved, so that the depth stays bounded
 
-/// Four floats that compilers keep in one register; the fourth is not looked at.
-struct Lanes {
-  alignas(16) float v[4];
-};
-Lanes lower(const Lanes& a, const Lanes& b) {
-  Lanes r;
-  for (int i = 0; i < 4; ++i) r.v[i] = b.v[i] < a.v[i] ? b.v[i] : a.v[i];
-  return r;
-}
-Lanes upper(const Lanes& a, const Lanes& b) {
-  Lanes r;
-  for (int i = 0; i < 4; ++i) r.v[i] = b.v[i] > a.v[i] ? b.v[i] : a.v[i];
-  return r;
-}
-
-struct Box {
-  Lanes lo{{3e38f, 3e38f, 3e38f, 0}}, hi{{-3e38f, -3e38f, -3e38f, 0}};
-
-  void add(const Box& b) {
-    lo = lower(lo, b.lo);
-    hi = upper(hi, b.hi);
-  }
-  void add_point(const Lanes& p) {
-    lo = lower(lo, p);
-    hi = upper(hi, p);
-  }
-  float half_area() const {
-    const float x = hi.v[0] - lo.v[0], y = hi.v[1] - lo.v[1], z = hi.v[2] - lo.v[2];
-    return x * y + y * z + z * x;
-  }
+struct Plane {
+  double cost = std::numeric_limits<double>::infinity();  ///< tests times half areas, both sides
+  std::size_t left = 0;                                   ///< elements on the left
+  int axis = 0;
 };
 
-/// An element: its box, and its index in the unused lane, so that it moves as one cache line's half.
-struct Element {
-  Box box;
-  std::uint32_t index() const { return std::bit_cast<std::uint32_t>(box.hi.v[3]); }
-  /// Twice the centre.
-  Lanes center() const {
-    Lanes c;
-    for (int i = 0; i < 4; ++i) c.v[i] = box.lo.v[i] + (i < 3 ? box.hi.v[i] : 0.0f);
-    return c;
-  }
-};
-
-/// A set of elements that is to become a subtree.
-struct Range {
-  std::size_t begin = 0, end = 0;
-  Box bounds, centers;
-  int depth = 0;
-  std::size_t size() const { return end - begin; }
-};
-
-struct Bin {
-  Box bounds;
-  std::size_t count = 0;
-};
-using Bins = std::array<std::array<Bin, kBins>, 3>;
-
-/// Maps a centre to its bin on every axis; an axis along which all centres agree has them in bin 0.
-struct Binning {
-  Lanes origin, scale;
-
-  explicit Binning(const Box& centers) : origin(centers.lo) {
-    for (int axis = 0; axis < 4; ++axis) {
-      const float extent = axis < 3 ? centers.hi.v[axis] - centers.lo.v[axis] : 0.0f;
-      const float bins_per_unit = static_cast<float>(kBins) * 0.9999f / extent;
-      scale.v[axis] = extent > 0 && std::isfinite(bins_per_unit) ? bins_per_unit : 0.0f;
-    }
-  }
-  std::array<std::uint32_t, 4> operator()(const Lanes& center) const {
-    std::array<std::uint32_t, 4> bin;
-    for (std::size_t axis = 0; axis < 4; ++axis) {
-      bin[axis] = static_cast<std::uint32_t>(
-          static_cast<std::int32_t>((center.v[axis] - origin.v[axis]) * scale.v[axis]));
-    }
-    return bin;
-  }
-};
-
-void fill_bins(std::span<const Element> elements, const Binning& binning, Bins& bins) {
-  for (const Element& element : elements) {
-    const std::array<std::uint32_t, 4> bin = binning(element.center());
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      Bin& b = bins[axis][std::min<std::size_t>(bin[axis], kBins - 1)];
-      b.bounds.add(element.box);
-      ++b.count;
-    }
-  }
-}
-
-struct Split {
-  int axis = -1;        ///< -1: no plane separates the centres
-  std::size_t bin = 0;  ///< the first one on the right
-};
-
-Split best_split(const Bins& bins, const Binning& binning, std::uint32_t test_width) {
-  Split best;
-  float best_cost = std::numeric_limits<float>::infinity();
-  const auto tests = [&](std::size_t count) {
-    return static_cast<float>((count + test_width - 1) / test_width);
-  };
-  for (int axis = 0; axis < 3; ++axis) {
-    if (!(binning.scale.v[axis] > 0)) continue;
-    const std::array<Bin, kBins>& row = bins[static_cast<std::size_t>(axis)];
-    std::array<float, kBins> right_cost{};
-    Box right;
-    std::size_t right_count = 0;
-    for (std::size_t i = kBins - 1; i > 0; --i) {
-      right.add(row[i].bounds);
-      right_count += row[i].count;
-      right_cost[i] = right_count > 0 ? right.half_area() * tests(right_count) : -1.0f;
-    }
-    Box left;
-    std::size_t left_count = 0;
-    for (std::size_t i = 1; i < kBins; ++i) {
-      left.add(row[i - 1].bounds);
-      left_count += row[i - 1].count;
-      if (left_count == 0 || right_cost[i] < 0) continue;
-      const float cost = left.half_area() * tests(left_count) + right_cost[i];
-      if (cost < best_cost) {
-        best_cost = cost;
-        best = {axis, i};
-      }
-    }
-  }
-  return best;
-}
-
-class Builder {
+class Sweep {
  public:
-  Builder(std::vector<Element>& elements, const SahConfig& config) : elements_(elements), config_(config) {}
-
-  bool is_leaf(const Range& range) const { return range.size() <= config_.leaf_size; }
-
-  std::array<Range, 2> split(const Range& range, bool parallel) const {
-    const Binning binning(range.centers);
-    Bins bins{};
-    if (parallel && range.size() > kBinningGrain) {
-      std::vector<Bins> parts((range.size() + kBinningGrain - 1) / kBinningGrain);
-      parallel_for(range.size(), kBinningGrain, [&](std::size_t begin, std::size_t end) {
-        fill_bins(std::span(elements_).subspan(range.begin + begin, end - begin), binning,
-                  parts[begin / kBinningGrain]);
-      });
-      for (const Bins& part : parts) {
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          for (std::size_t i = 0; i < kBins; ++i) {
-            bins[axis][i].bounds.add(part[axis][i].bounds);
-            bins[axis][i].count += part[axis][i].count;
-          }
-        }
+  Sweep(std::span<const Bounds3f> boxes, const std::vector<std::uint32_t>& usable, const BvhConfig& config)
+      : config_(config), scratch_(usable.size()), is_right_(boxes.size()) {
+    parallel_for(3, 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t axis = begin; axis < end; ++axis) {
+        std::vector<Element>& sorted = sorted_[axis];
+        right_cost_[axis].resize(usable.size());
+        sorted.reserve(usable.size());
+        for (const std::uint32_t i : usable) sorted.push_back(Element::make(boxes[i], i));
+        std::sort(sorted.begin(), sorted.end(), [axis](const Element& a, const Element& b) {
+          const float ca = a.center().v[axis], cb = b.center().v[axis];
+          return ca != cb ? ca < cb : a.index() < b.index();
+        });
       }
-    } else {
-      fill_bins(std::span(elements_).subspan(range.begin, range.size()), binning, bins);
-    }
-    const Split split = range.depth < kMaxSahDepth ? best_split(bins, binning, config_.test_width) : Split{};
-    std::array<Range, 2> halves;
-    std::size_t left = range.begin, right = range.end;
-    const auto put = [&](Range& half, const Element& element) {
-      half.bounds.add(element.box);
-      half.centers.add_point(element.center());
-    };
-    if (split.axis < 0) {  // all centres agree, or too deep: halve the set as it lies
-      left = right = range.begin + range.size() / 2;
-      for (std::size_t i = range.begin; i < range.end; ++i) put(halves[i < left ? 0 : 1], elements_[i]);
-    } else {
-      const auto axis = static_cast<std::size_t>(split.axis);
-      const auto is_left = [&](const Element& e) {
-        return std::min<std::size_t>(binning(e.center())[axis], kBins - 1) < split.bin;
-      };
-      while (true) {
-        for (; left < right && is_left(elements_[left]); ++left) put(halves[0], elements_[left]);
-        for (; left < right && !is_left(elements_[right - 1]); --right) put(halves[1], elements_[right - 1]);
-        if (left >= right) break;
-        std::swap(elements_[left], elements_[right - 1]);
-      }
-    }
-    RBVH_CHECK(left > range.begin && left < range.end);
-    halves[0].begin = range.begin;
-    halves[0].end = halves[1].begin = left;
-    halves[1].end = range.end;
-    halves[0].depth = halves[1].depth = range.depth + 1;
-    return halves;
+    });
   }
 
-  /// Writes the subtree over `range` into `nodes`, its root at nodes[root]. Sets of at most `stop` elements
-  /// are put off: appended to `later` together with the node that waits for them.
-  struct Later {
-    Range range;
-    std::size_t node;
-  };
-  void build(const Range& whole, std::size_t root, std::vector<BvhNode>& nodes, std::size_t stop,
-             std::vector<Later>* later) const {
-    std::vector<Later> stack = {{whole, root}};
-    while (!stack.empty()) {
-      const Later item = stack.back();
-      stack.pop_back();
-      BvhNode& node = nodes[item.node];
-      const Box& b = item.range.bounds;
-      node.bounds = {{b.lo.v[0], b.lo.v[1], b.lo.v[2]}, {b.hi.v[0], b.hi.v[1], b.hi.v[2]}};
-      if (is_leaf(item.range)) {
-        node.first = static_cast<std::uint32_t>(item.range.begin);
-        node.count = static_cast<std::uint32_t>(item.range.size());
-      } else if (later != nullptr && item.range.size() <= stop) {
-        later->push_back(item);
-      } else {
-        const std::array<Range, 2> halves = split(item.range, later != nullptr);
-        const std::size_t children = nodes.size();
-        node.first = static_cast<std::uint32_t>(children);
-        node.count = 0;
-        nodes.resize(children + 2);
-        stack.push_back({halves[1], children + 1});
-        stack.push_back({halves[0], children});
-      }
+  ElementRange whole() const {
+    ElementRange range;
+    range.end = sorted_[0].size();
+    for (const Element& element : sorted_[0]) range.bounds.add(element.box);
+    return range;
+  }
+
+  Halves split(const ElementRange& range, bool parallel) {
+    if (range.size() == 1) return {};
+    const Plane plane =
+        range.depth < kMaxSahDepth ? best_plane(range, parallel) : Plane{0, (range.size() + 1) / 2, 0};
+    if (range.size() <= config_.leaf_size) {
+      const double area = range.bounds.half_area();
+      const double inner = config_.traversal_cost * area + config_.intersection_cost * plane.cost;
+      if (config_.leaf_cost(range.size()) * area <= inner) return {};
     }
+    return divide(range, plane);
+  }
+
+  std::vector<std::uint32_t> order() const {
+    std::vector<std::uint32_t> order(sorted_[0].size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = sorted_[0][i].index();
+    return order;
   }
 
  private:
-  std::vector<Element>& elements_;
-  const SahConfig& config_;
-};
+  Plane best_plane(const ElementRange& range, bool parallel) {
+    std::array<Plane, 3> planes;
+    const auto sweep = [&](std::size_t begin, std::size_t end) {
+      for (std::size_t axis = begin; axis < end; ++axis) planes[axis] = best_plane_along(range, axis);
+    };
+    parallel ? parallel_for(3, 1, sweep) : sweep(0, 3);
+    return *std::min_element(planes.begin(), planes.end(),
+                             [](const Plane& a, const Plane& b) { return a.cost < b.cost; });
+  }
 
-bool usable(const Bounds3f& box) { return is_finite(box.lo) && is_finite(box.hi) && !box.empty(); }
+  Plane best_plane_along(const ElementRange& range, std::size_t axis) {
+    const Element* elements = &sorted_[axis][range.begin];
+    double* right_cost = &right_cost_[axis][range.begin];
+    const std::size_t n = range.size();
+    const auto tests = [&](std::size_t count) {
+      return static_cast<double>((count + config_.test_width - 1) / config_.test_width);
+    };
+    Box right;
+    for (std::size_t i = n - 1; i > 0; --i) {
+      right.add(elements[i].box);
+      right_cost[i] = static_cast<double>(right.half_area()) * tests(n - i);
+    }
+    Box left;
+    Plane best;
+    best.axis = static_cast<int>(axis);
+    const auto off_middle = [n](std::size_t i) { return i > n - i ? i - (n - i) : n - i - i; };
+    for (std::size_t i = 1; i < n; ++i) {
+      left.add(elements[i - 1].box);
+      const double cost = static_cast<double>(left.half_area()) * tests(i) + right_cost[i];
+      // Of equally good ones the middle: duplicates would be peeled off one by one.
+      if (cost < best.cost || (cost == best.cost && off_middle(i) < off_middle(best.left))) {
+        best.cost = cost;
+        best.left = i;
+      }
+    }
+    if (best.left == 0) best.left = (n + 1) / 2;  // areas beyond float
+    return best;
+  }
+
+  std::array<ElementRange, 2> divide(const ElementRange& range, const Plane& plane) {
+    const std::vector<Element>& along = sorted_[static_cast<std::size_t>(plane.axis)];
+    std::array<ElementRange, 2> halves;
+    halves[0].begin = range.begin;
+    halves[0].end = halves[1].begin = range.begin + plane.left;
+    halves[1].end = range.end;
+    for (std::size_t side = 0; side < 2; ++side) {
+      halves[side].depth = range.depth + 1;
+      for (std::size_t i = halves[side].begin; i < halves[side].end; ++i) {
+        halves[side].bounds.add(along[i].box);
+        is_right_[along[i].index()] = static_cast<std::uint8_t>(side);
+      }
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (static_cast<int>(axis) == plane.axis) continue;
+      std::vector<Element>& elements = sorted_[axis];
+      std::size_t left = range.begin, right = range.begin;  // stable: the right ones wait aside
+      for (std::size_t i = range.begin; i < range.end; ++i) {
+        const Element element = elements[i];
+        if (is_right_[element.index()]) {
+          scratch_[right++] = element;
+        } else {
+          elements[left++] = element;
+        }
+      }
+      RBVH_CHECK(left == halves[0].end);
+      std::copy(scratch_.begin() + static_cast<std::ptrdiff_t>(range.begin),
+                scratch_.begin() + static_cast<std::ptrdiff_t>(right),
+                elements.begin() + static_cast<std::ptrdiff_t>(left));
+    }
+    return halves;
+  }
+
+  const BvhConfig& config_;
+  std::array<std::vector<Element>, 3> sorted_;     // the same elements in every range, by each axis
+  std::array<std::vector<double>, 3> right_cost_;  // of the sets that begin at an element
+  std::vector<Element> scratch_;
+  std::vector<std::uint8_t> is_right_;  // by index of the box
+};
 
 }  // namespace
 
-SahBvh build_sah_bvh(std::span<const Bounds3f> boxes, const SahConfig& config) {
+Bvh build_sah_bvh(std::span<const Bounds3f> boxes, const BvhConfig& config) {
   RBVH_CHECK(config.leaf_size > 0 && config.test_width > 0 && boxes.size() < (1u << 31));
-  std::vector<Element> elements;
-  elements.reserve(boxes.size());
-  Range whole;
-  for (std::size_t i = 0; i < boxes.size(); ++i) {
-    if (!usable(boxes[i])) continue;
-    const Bounds3f& b = boxes[i];
-    const float index = std::bit_cast<float>(static_cast<std::uint32_t>(i));
-    elements.push_back({{{{b.lo.x, b.lo.y, b.lo.z, 0}}, {{b.hi.x, b.hi.y, b.hi.z, index}}}});
-    whole.bounds.add(elements.back().box);
-    whole.centers.add_point(elements.back().center());
-  }
-  SahBvh bvh;
-  if (elements.empty()) return bvh;
-  whole.end = elements.size();
-
-  // The top by one thread, whose binning is shared out; the subtrees below it each by one thread of its own.
-  // Where the one ends and the other begins depends on the number of elements alone.
-  const Builder builder(elements, config);
-  std::vector<Builder::Later> later;
-  const std::size_t subtree = std::max<std::size_t>(4096, elements.size() / 64);
-  bvh.nodes.resize(1);
-  builder.build(whole, 0, bvh.nodes, subtree, &later);
-  std::vector<std::vector<BvhNode>> subtrees(later.size());
-  parallel_for(later.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      subtrees[i].resize(1);
-      builder.build(later[i].range, 0, subtrees[i], 0, nullptr);
-    }
+  const std::vector<std::uint32_t> usable = usable_boxes(boxes);
+  Bvh bvh;
+  if (usable.empty()) return bvh;
+  Sweep sweep(boxes, usable, config);
+  bvh.nodes = grow_bvh(sweep.whole(), [&sweep](const ElementRange& range, bool parallel) {
+    return sweep.split(range, parallel);
   });
-  for (std::size_t i = 0; i < later.size(); ++i) {
-    const auto base = static_cast<std::uint32_t>(bvh.nodes.size() - 1);  // local node 1 goes to base + 1
-    for (BvhNode& node : subtrees[i]) {
-      if (node.count == 0) node.first += base;
-    }
-    bvh.nodes[later[i].node] = subtrees[i].front();
-    bvh.nodes.insert(bvh.nodes.end(), subtrees[i].begin() + 1, subtrees[i].end());
-    subtrees[i] = {};
-  }
-  bvh.order.resize(elements.size());
-  for (std::size_t i = 0; i < elements.size(); ++i) bvh.order[i] = elements[i].index();
+  bvh.order = sweep.order();
   return bvh;
 }
 

@@ -114,7 +114,7 @@ Built build_all(const Device& device, const Scan& scan, const Options& options, 
     exact_result.engine = "exact";
     exact_result.name = "SAH";
     exact_result.total.seconds.push_back(
-        seconds_of([&] { built.exact = make_exact_tracer(device, scan, &timings); }));
+        seconds_of([&] { built.exact = make_exact_tracer(device, scan, {}, &timings); }));
     add_phase(exact_result, "hierarchy", timings.hierarchy);
     add_phase(exact_result, "flatten", timings.flatten);
     add_phase(exact_result, "upload", timings.upload);
@@ -147,8 +147,7 @@ void measure_memory(const Built& built, const Scan& scan, Report& report) {
                              texel_bytes + level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
                                  level.exact_primitives.size() * sizeof(RbvhPrimitive)});
   }
-  report.memory.push_back({"exact", "SAH", built.exact.nodes.size() * sizeof(ExactNode),
-                           built.exact.blocks.size() * sizeof(ExactBlock)});
+  report.memory.push_back({"exact", "SAH", built.exact.node_bytes(), built.exact.primitive_bytes()});
   const std::size_t vertex = scan.is_cloud() ? 7 * sizeof(float) : sizeof(Vec3f);
   const std::size_t source = scan.positions.size() * vertex + scan.triangles.size() * sizeof(Triangle);
   const std::vector<EmbreeBuild> embree = embree_builds();

@@ -71,6 +71,28 @@ TEST_F(Chain, APairIsBuiltAndRenderedAtEveryLevel) {
   good("render ball.ply -o exact.png --level Q7 --resolution 64,64");  // a scan has no levels
 }
 
+TEST_F(Chain, TracersAndBuildersShowTheSame) {
+  good("render ball.ply -o default.exr --aov depth --resolution 64,64");
+  const std::vector<float> expected = picture("default.exr").pixels;
+  for (const char* words : {"--tracer bvh-stack --builder lbvh", "--tracer bvh-trail --builder ploc",
+                            "--tracer bvh-parent --builder sah", "--builder lbvh", "--tracer kd-stack",
+                            "--tracer kd-pushdown --builder kd", "--tracer kd-backtrack"}) {
+    good(std::string("render ball.ply -f -o other.exr --aov depth --resolution 64,64 ") + words);
+    EXPECT_EQ(picture("other.exr").pixels, expected) << words;
+  }
+  good("render ball.ply -o difference.png --compare wide16,kd-stack --resolution 64,64 --report r.json");
+  EXPECT_EQ(Json::parse(read("r.json"))["counts"]["differing_pixels"], 0);
+  EXPECT_EQ(Json::parse(read("r.json"))["tracer"], "wide16");
+  EXPECT_EQ(Json::parse(read("r.json"))["compared_with"], "kd-stack");
+  EXPECT_EQ(picture("difference.png").channels, 3);
+  build();
+  for (const char* words : {"--tracer wide16", "--builder lbvh", "--compare wide16,bvh-stack"}) {
+    const ToolRun run = tool(std::string("render ball.rbvh -o x.png ") + words);
+    EXPECT_EQ(run.code, 2) << words << run.err;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+  }
+}
+
 TEST_F(Chain, LevelsCanBeChosenAtTheBuild) {
   good("build ball.ply -o two.rbvh --levels Q3,Q1");
   good("render two.rbvh -o '{level}.png' --level all --resolution 16,16");
@@ -179,8 +201,13 @@ TEST_F(Chain, TraceAgreesWithTheScan) {
   ASSERT_EQ(run.code, 0) << run.err;
   EXPECT_NE(run.err.find("2 rays"), std::string::npos) << run.err;
   good("trace ball.ply --rays rays.npy -o exact.npy");
+  good("trace ball.ply --rays rays.npy -o other.npy --tracer bvh-parent --builder lbvh --report other.json");
+  EXPECT_EQ(Json::parse(read("other.json"))["tracer"], "bvh-parent");
+  EXPECT_EQ(Json::parse(read("other.json"))["builder"], "lbvh");
   const std::size_t eight[] = {8};
   const FloatTable hits = read_npy(path("hits.npy"), eight), exact = read_npy(path("exact.npy"), eight);
+  const FloatTable other = read_npy(path("other.npy"), eight);
+  for (std::size_t i = 0; i < exact.values.size(); i += 8) EXPECT_EQ(exact.values[i], other.values[i]);
   ASSERT_EQ(hits.rows, 52u);
   int found = 0;
   for (std::size_t i = 0; i < hits.rows; ++i) {

@@ -1,4 +1,5 @@
 // The words of the command line: what is refused, how, and that refusing leaves nothing behind.
+#include "pipeline/exact/exact_methods.h"
 #include "tests/run_tool.h"
 
 namespace rbvh {
@@ -49,6 +50,11 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("build a.ply -o b.rbvh --refinement best", "--refinement");
   expect_usage_error("build a.ply extra.ply -o b.rbvh", "extra.ply");
   expect_usage_error("trace a.ply -o h.npy", "--rays");
+  expect_usage_error("render a.ply -o a.png --tracer best", "wide16");
+  expect_usage_error("render a.ply -o a.png --builder best", "sah-binned");
+  expect_usage_error("render a.ply -o a.png --compare wide16", "--compare");
+  expect_usage_error("render a.ply -o a.png --compare wide16,bvh-stack --aov depth", "--aov");
+  expect_usage_error("render a.ply -o a.png --tracer bvh-stack --builder kd", "kd");
   expect_usage_error("trace a.ply --rays r.npy -o h.npy --level Q0,Q1", "--level");
 }
 
@@ -82,6 +88,30 @@ TEST_F(Usage, HelpAndVersionGoToStdout) {
     EXPECT_NE(run.out.find("Example: rbvh " + std::string(stage)), std::string::npos) << stage;
     EXPECT_NE(run.out.find("--quiet"), std::string::npos) << stage;
     EXPECT_NE(tool("--help").out.find(stage), std::string::npos);
+  }
+}
+
+TEST_F(Usage, TracersAreListed) {
+  for (const char* words : {"render --tracer list", "trace --tracer list"}) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_EQ(run.err, "");
+    for (const ExactTraversalInfo& t : kExactTraversals) {
+      const std::string line = "\n" + std::string(t.name) + " ";
+      EXPECT_NE(("\n" + run.out).find(line), std::string::npos) << t.name;
+    }
+    EXPECT_EQ(std::count(run.out.begin(), run.out.end(), '\n'), std::ptrdiff_t{std::size(kExactTraversals)});
+  }
+}
+
+TEST_F(Usage, TracersAreForWhatTheyFit) {
+  write("cloud.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0.5 0.5 0\n");
+  for (const char* words : {"render cloud.xyz -o a.png --tracer bvh-stack",
+                            "render cloud.xyz -o a.png --compare wide16,bvh-stack"}) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 2) << words << run.err;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+    EXPECT_NE(run.err.find("cloud.xyz"), std::string::npos) << run.err;
   }
 }
 

@@ -1,166 +1,26 @@
-// The exact tracer against brute force in double precision, ray by ray: nearest and any hit, triangles and
-// discs, and the cases that break ray tracers. A disagreement is an error unless float cannot know better:
-// each primitive's error bound follows from the coordinates' size, its own size and how edge-on the ray sees
-// it.
+// The equivalence matrix: every exact traversal on every builder's tree, each found by itself in
+// exact_methods.h, against brute force in double precision, ray by ray: nearest and any hit, triangles and
+// discs, and the cases that break ray tracers. Nearest hits must be the same for all, to the last bit.
+//
+// A disagreement with brute force is an error unless float cannot know better. Ties, a hit within 1e-6
+// (barycentric) of an edge or two nearest t within 4 ulp, are counted; beyond them each primitive's error
+// bound follows from the coordinates' size, its own size and how edge-on the ray sees it, and those are
+// counted, too.
 #include "pipeline/exact/trace_exact.h"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
-#include <numbers>
+#include <iomanip>
 #include <optional>
 
 #include "pipeline/render/camera.h"
+#include "tests/exact_scenes.h"
 #include "tests/oracle.h"
 #include "tests/property.h"
 
 namespace rbvh {
 namespace {
-
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-using Random = std::mt19937_64;
-
-oracle::Point point(const Vec3f& v) { return {v.x, v.y, v.z}; }
-
-float uniform(Random& random, float lo, float hi) {
-  return std::uniform_real_distribution<float>(lo, hi)(random);
-}
-
-Vec3f uniform_point(Random& random, float half) {
-  return {uniform(random, -half, half), uniform(random, -half, half), uniform(random, -half, half)};
-}
-
-Vec3f uniform_direction(Random& random) {
-  std::normal_distribution<float> normal;
-  return normalized(Vec3f{normal(random), normal(random), normal(random)});
-}
-
-Ray make_ray(Vec3f o, Vec3f d, float tmin = 0, float tmax = kInfinity) {
-  return {{o.x, o.y, o.z}, tmin, {d.x, d.y, d.z}, tmax};
-}
-
-// --- scenes
-// ---------------------------------------------------------------------------------------------------------
-
-void add_triangle(Scan& scan, Vec3f a, Vec3f b, Vec3f c) {
-  const auto first = static_cast<std::uint32_t>(scan.positions.size());
-  for (const Vec3f& p : {a, b, c}) scan.positions.push_back(p);
-  scan.triangles.push_back({first, first + 1, first + 2});
-}
-
-Scan soup(Random& random, std::size_t count, float size) {
-  Scan scan;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Vec3f at = uniform_point(random, 1);
-    add_triangle(scan, at + uniform_point(random, size), at + uniform_point(random, size),
-                 at + uniform_point(random, size));
-  }
-  return scan;
-}
-
-Scan discs(Random& random, std::size_t count, float radius) {
-  Scan scan;
-  for (std::size_t i = 0; i < count; ++i) {
-    scan.positions.push_back(uniform_point(random, 1));
-    scan.normals.push_back(uniform_direction(random) * uniform(random, 0.5f, 2));
-    scan.radii.push_back(uniform(random, 0.2f, 1) * radius);
-  }
-  return scan;
-}
-
-/// A flat n x n grid of squares in the plane z = height, each two triangles.
-Scan grid(int n, float height) {
-  Scan scan;
-  for (int y = 0; y <= n; ++y) {
-    for (int x = 0; x <= n; ++x)
-      scan.positions.push_back({static_cast<float>(x), static_cast<float>(y), height});
-  }
-  const auto id = [n](int x, int y) { return static_cast<std::uint32_t>(y * (n + 1) + x); };
-  for (int y = 0; y < n; ++y) {
-    for (int x = 0; x < n; ++x) {
-      scan.triangles.push_back({id(x, y), id(x + 1, y), id(x + 1, y + 1)});
-      scan.triangles.push_back({id(x, y), id(x + 1, y + 1), id(x, y + 1)});
-    }
-  }
-  return scan;
-}
-
-/// A closed, bumpy globe around the origin.
-Scan globe(Random& random, int rings, int segments) {
-  Scan scan;
-  scan.positions.push_back({0, 0, 1});
-  for (int r = 1; r < rings; ++r) {
-    for (int s = 0; s < segments; ++s) {
-      const float theta = std::numbers::pi_v<float> * static_cast<float>(r) / static_cast<float>(rings);
-      const float phi = 2 * std::numbers::pi_v<float> * static_cast<float>(s) / static_cast<float>(segments);
-      const float radius = uniform(random, 0.95f, 1.05f);
-      scan.positions.push_back(
-          Vec3f{std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)} * radius);
-    }
-  }
-  scan.positions.push_back({0, 0, -1});
-  const auto last = static_cast<std::uint32_t>(scan.positions.size() - 1);
-  const auto id = [&](int r, int s) {
-    return static_cast<std::uint32_t>(1 + (r - 1) * segments + s % segments);
-  };
-  for (int s = 0; s < segments; ++s) {
-    scan.triangles.push_back({0, id(1, s), id(1, s + 1)});
-    scan.triangles.push_back({last, id(rings - 1, s + 1), id(rings - 1, s)});
-    for (int r = 1; r + 1 < rings; ++r) {
-      scan.triangles.push_back({id(r, s), id(r + 1, s), id(r + 1, s + 1)});
-      scan.triangles.push_back({id(r, s), id(r + 1, s + 1), id(r, s + 1)});
-    }
-  }
-  return scan;
-}
-
-// --- rays
-// -----------------------------------------------------------------------------------------------------------
-
-std::vector<Ray> random_rays(Random& random, const Scan& scan, std::size_t count) {
-  const Bounds3f box = bounds(scan);
-  const Vec3f centre = box.empty() ? Vec3f{} : box.center();
-  const float size = box.empty() ? 1.0f : std::max(0.5f * box.diagonal(), 0.1f);
-  std::vector<Ray> rays;
-  for (std::size_t i = 0; i < count; ++i) {
-    const float far = i % 3 == 0 ? 0.5f : i % 3 == 1 ? 2.0f : 10.0f;
-    const Vec3f origin = centre + uniform_direction(random) * (size * far);
-    const Vec3f aim = centre + uniform_point(random, 0.6f * size);
-    Vec3f direction = aim - origin;
-    const std::uint64_t kind = random() % 8;
-    if (kind == 0) {  // parallel to one axis or two
-      direction[static_cast<int>(random() % 3)] = random() % 2 ? 0.0f : -0.0f;
-      if (random() % 2) direction[static_cast<int>(random() % 3)] = random() % 2 ? 0.0f : -0.0f;
-    } else if (kind == 1) {  // not of unit length
-      direction = direction * std::pow(10.0f, uniform(random, -4, 4));
-    } else if (kind == 2) {  // tiny components
-      direction[static_cast<int>(random() % 3)] *= 1e-25f;
-    }
-    Ray ray = make_ray(origin, direction);
-    if (kind == 3) {  // an interval that cuts
-      ray.tmin = uniform(random, -0.5f, 1);
-      ray.tmax = ray.tmin + uniform(random, 0, 1);
-    }
-    rays.push_back(ray);
-  }
-  return rays;
-}
-
-/// Rays that meet vertices, edges and planes exactly, along the axes and between.
-std::vector<Ray> exact_rays(Random& random, const Scan& scan, std::size_t count) {
-  std::vector<Ray> rays;
-  for (std::size_t i = 0; i < count && !scan.positions.empty(); ++i) {
-    const Vec3f target = scan.positions[random() % scan.positions.size()];
-    Vec3f direction{};
-    const int axis = static_cast<int>(random() % 3);
-    direction[axis] = random() % 2 ? 1.0f : -1.0f;
-    if (random() % 3 == 0) direction[(axis + 1) % 3] = random() % 2 ? 1.0f : -1.0f;
-    rays.push_back(make_ray(target - direction * static_cast<float>(random() % 8), direction));
-  }
-  return rays;
-}
 
 // --- comparison
 // -----------------------------------------------------------------------------------------------------
@@ -175,7 +35,7 @@ std::optional<Bounded> meet(const Scan& scan, std::size_t i, const Ray& ray) {
   const oracle::Point d = {ray.direction[0], ray.direction[1], ray.direction[2]};
   constexpr double kRounding = 16.0 / (1 << 24);
   const double length = std::sqrt(oracle::dot(d, d));
-  double reach = 0, size = 0;
+  double reach = 0, size = 0, longest = 0;
   Bounded b;
   const auto extend = [&](const oracle::Point& p) {
     const oracle::Point s = oracle::sub(p, o);
@@ -195,7 +55,6 @@ std::optional<Bounded> meet(const Scan& scan, std::size_t i, const Ray& ray) {
     }
     b.meeting = oracle::meet_triangle(p[0], p[1], p[2], o, d);
     const oracle::Point n = oracle::cross(oracle::sub(p[1], p[0]), oracle::sub(p[2], p[0]));
-    double longest = 0;
     for (std::size_t k = 0; k < 3; ++k) {
       const oracle::Point e = oracle::sub(p[(k + 1) % 3], p[k]);
       longest = std::max(longest, std::sqrt(oracle::dot(e, e)));
@@ -205,8 +64,29 @@ std::optional<Bounded> meet(const Scan& scan, std::size_t i, const Ray& ray) {
   if (!b.meeting.crosses || !(reach < 1e30)) return std::nullopt;
   const double cosine = std::abs(oracle::dot(b.meeting.normal, d)) / length;
   b.inside_error = std::max(1e-6, kRounding * reach / (size * cosine));
-  b.t_error = kRounding * reach / (cosine * length);
+  // t is weighed from the corners, so the weights' errors count by the triangle's length.
+  b.t_error = kRounding * reach * std::max(1.0, longest / size) / (cosine * length);
   return b;
+}
+
+/// A traversal on a builder's tree.
+struct Method {
+  std::string name;
+  ExactTracer tracer;
+};
+
+/// All that can take the scan.
+std::vector<Method> all_methods(const Device& device, const Scan& scan) {
+  std::vector<Method> methods;
+  const bool discs = scan.is_cloud() && !scan.positions.empty();
+  for (const ExactTraversalInfo& t : kExactTraversals) {
+    for (const ExactBuilderInfo& b : kExactBuilders) {
+      if (b.tree != t.tree || (discs && !t.discs)) continue;
+      methods.push_back(
+          {std::string(t.name) + " on " + b.name, make_exact_tracer(device, scan, {t.traversal, b.builder})});
+    }
+  }
+  return methods;
 }
 
 std::vector<Hit> cast(const ExactTracer& tracer, const std::vector<Ray>& rays, RayQuery query) {
@@ -217,16 +97,45 @@ std::vector<Hit> cast(const ExactTracer& tracer, const std::vector<Ray>& rays, R
   return hits.read();
 }
 
+/// t, place and flags to the last bit; normals are computed afterwards, to within rounding.
+bool is_same(const Hit& a, const Hit& b) {
+  return a.t == b.t && a.u == b.u && a.v == b.v && a.leaf == b.leaf && a.flags == b.flags &&
+         std::abs(a.normal[0] - b.normal[0]) < 1e-6f && std::abs(a.normal[1] - b.normal[1]) < 1e-6f &&
+         std::abs(a.normal[2] - b.normal[2]) < 1e-6f;
+}
+
+/// Nearest hits, the same ones by all methods.
+std::vector<Hit> cast_all(const std::vector<Method>& methods, const std::vector<Ray>& rays) {
+  const std::vector<Hit> hits = cast(methods[0].tracer, rays, RayQuery::kNearest);
+  for (const Method& method : methods) {
+    const std::vector<Hit> others = cast(method.tracer, rays, RayQuery::kNearest);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Hit &a = hits[i], &b = others[i];
+      EXPECT_TRUE(is_same(a, b)) << method.name << " differs from " << methods[0].name << " at ray " << i
+                                 << std::setprecision(9) << ": t " << b.t << " u " << b.u << " v " << b.v
+                                 << " leaf " << b.leaf << ", not " << a.t << ", " << a.u << ", " << a.v
+                                 << ", " << a.leaf;
+      if (!is_same(a, b)) break;
+    }
+  }
+  return hits;
+}
+
+/// Rays that brute force cannot decide for float, over all comparisons.
+struct Ties {
+  std::size_t rays = 0, ties = 0, rounding = 0;
+};
+
 /// Compares every ray; returns how many were beyond doubt (a hit well inside, or nothing anywhere near).
 std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::vector<Hit>& hits,
-                    RayQuery query) {
+                    RayQuery query, Ties* ties = nullptr) {
   const std::size_t count = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
   std::size_t beyond_doubt = 0;
   for (std::size_t r = 0; r < rays.size(); ++r) {
     const Ray& ray = rays[r];
     const Hit& hit = hits[r];
     bool doubt = false;
-    double nearest_sure = kInfinity;
+    double nearest_sure = kInfinity, nearest = kInfinity, second = kInfinity, nearest_inside = 1;
     std::optional<Bounded> claimed;
     for (std::size_t i = 0; i < count; ++i) {
       const std::optional<Bounded> b = meet(scan, i, ray);
@@ -237,6 +146,11 @@ std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::v
       const bool sure = inside > b->inside_error && t >= ray.tmin + b->t_error && t <= ray.tmax - b->t_error;
       if (sure) nearest_sure = std::min(nearest_sure, t + b->t_error);
       doubt = doubt || (possible && !sure);
+      if (possible) {
+        second = std::min(second, std::max(t, nearest));
+        if (t < nearest) nearest_inside = std::abs(inside);
+        nearest = std::min(nearest, t);
+      }
       if (possible && i == hit.leaf) claimed = b;
     }
     const auto where = [&] {
@@ -275,6 +189,12 @@ std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::v
       }
     }
     beyond_doubt += doubt ? 0 : 1;
+    if (ties != nullptr) {
+      const bool tie = nearest_inside < 1e-6 || second - nearest <= 4 * 1.2e-7 * std::abs(nearest);
+      ++ties->rays;
+      ties->ties += tie ? 1 : 0;
+      ties->rounding += doubt && !tie ? 1 : 0;
+    }
     if (::testing::Test::HasFailure()) return 0;  // one ray's words are enough
   }
   return beyond_doubt;
@@ -290,19 +210,37 @@ class TraceExact : public testing::Test {
         [](std::string_view file, std::string_view log) { ADD_FAILURE() << file << ": " << log; });
   }
 
-  void check(const Scan& scan, const std::vector<Ray>& rays, double least_beyond_doubt) {
-    const ExactTracer tracer = make_exact_tracer(device, scan);
-    const std::vector<Hit> nearest = cast(tracer, rays, RayQuery::kNearest);
-    const std::vector<Hit> any = cast(tracer, rays, RayQuery::kAny);
-    const std::size_t beyond_doubt = compare(scan, rays, nearest, RayQuery::kNearest);
-    if (HasFailure()) return;
-    EXPECT_GE(static_cast<double>(beyond_doubt), least_beyond_doubt * static_cast<double>(rays.size()));
-    compare(scan, rays, any, RayQuery::kAny);
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      EXPECT_EQ(any[i].leaf == RBVH_NO_LEAF, nearest[i].leaf == RBVH_NO_LEAF) << "ray " << i;
-      EXPECT_GE(any[i].t, nearest[i].t) << "ray " << i;
+  ~TraceExact() override {
+    if (ties.rays > 0) {
+      std::printf("%zu rays, %zu ties, %zu more within rounding\n", ties.rays, ties.ties, ties.rounding);
     }
   }
+
+  void check(const Scan& scan, const std::vector<Ray>& rays, double least_beyond_doubt) {
+    const std::vector<Method> methods = all_methods(device, scan);
+    const std::vector<Hit> nearest = cast_all(methods, rays);
+    const std::size_t beyond_doubt = compare(scan, rays, nearest, RayQuery::kNearest, &ties);
+    if (HasFailure()) return;
+    EXPECT_GE(static_cast<double>(beyond_doubt), least_beyond_doubt * static_cast<double>(rays.size()));
+    std::vector<std::vector<Hit>> seen;  // any hits that were compared already
+    for (const Method& method : methods) {
+      SCOPED_TRACE(method.name);
+      const std::vector<Hit> any = cast(method.tracer, rays, RayQuery::kAny);
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        ASSERT_EQ(any[i].leaf == RBVH_NO_LEAF, nearest[i].leaf == RBVH_NO_LEAF) << "ray " << i;
+        ASSERT_GE(any[i].t, nearest[i].t) << "ray " << i;
+      }
+      const bool known = std::any_of(seen.begin(), seen.end(), [&](const std::vector<Hit>& hits) {
+        return rays.empty() || std::memcmp(hits.data(), any.data(), any.size() * sizeof(Hit)) == 0;
+      });
+      if (known) continue;
+      compare(scan, rays, any, RayQuery::kAny);
+      if (HasFailure()) return;
+      seen.push_back(any);
+    }
+  }
+
+  Ties ties;
 };
 
 TEST_F(TraceExact, RandomSoups) {
@@ -349,7 +287,7 @@ TEST_F(TraceExact, FlatGridAlongAcrossAndOnItsLines) {
         rays.push_back(make_ray(o, {-0.0f, -0.0f, -2}));
       }
     }
-    const std::vector<Hit> hits = cast(make_exact_tracer(device, scan), rays, RayQuery::kNearest);
+    const std::vector<Hit> hits = cast_all(all_methods(device, scan), rays);
     for (std::size_t i = 0; i < hits.size(); ++i) {
       ASSERT_EQ(hits[i].t, i % 2 ? 2.5f : 5.0f) << i;
       ASSERT_NE(hits[i].leaf, RBVH_NO_LEAF) << i;
@@ -359,7 +297,7 @@ TEST_F(TraceExact, FlatGridAlongAcrossAndOnItsLines) {
 
 TEST_F(TraceExact, AClosedMeshHasNoGapAtVerticesAndEdges) {
   const Scan scan = globe(random, 24, 48);
-  const ExactTracer tracer = make_exact_tracer(device, scan);
+  const std::vector<Method> methods = all_methods(device, scan);
   std::vector<Ray> rays;
   for (const Vec3f& origin : {Vec3f{0, 0, 0}, Vec3f{0.5f, 0.25f, -0.125f}, uniform_point(random, 0.4f)}) {
     for (const Vec3f& p : scan.positions) rays.push_back(make_ray(origin, p - origin));
@@ -377,7 +315,7 @@ TEST_F(TraceExact, AClosedMeshHasNoGapAtVerticesAndEdges) {
       rays.push_back(make_ray(origin, -d));
     }
   }
-  const std::vector<Hit> hits = cast(tracer, rays, RayQuery::kNearest);
+  const std::vector<Hit> hits = cast_all(methods, rays);
   for (std::size_t i = 0; i < hits.size(); ++i) {
     ASSERT_NE(hits[i].leaf, RBVH_NO_LEAF) << "ray " << i << " leaves a closed mesh";
   }
@@ -389,7 +327,7 @@ TEST_F(TraceExact, OfDuplicatesTheFirstIsHit) {
   for (int i = 0; i < 300; ++i) scan.triangles.push_back(one.triangles[0]);
   std::vector<Ray> rays = random_rays(random, scan, 500);
   check(scan, rays, 0.9);
-  for (const Hit& hit : cast(make_exact_tracer(device, scan), rays, RayQuery::kNearest)) {
+  for (const Hit& hit : cast_all(all_methods(device, scan), rays)) {
     EXPECT_TRUE(hit.leaf == 0 || hit.leaf == RBVH_NO_LEAF) << hit.leaf;
   }
 }
@@ -404,8 +342,7 @@ TEST_F(TraceExact, PrimitivesThatAreNotThereAreNeverHit) {
       scan.positions[15] + (scan.positions[16] - scan.positions[15]) * 2.0f;  // a line in space
   scan.positions[18] = scan.positions[19] = scan.positions[20];               // a point
   check(scan, random_rays(random, scan, 1000), 0.9);
-  const ExactTracer tracer = make_exact_tracer(device, scan);
-  for (const Hit& hit : cast(tracer, exact_rays(random, scan, 1000), RayQuery::kNearest)) {
+  for (const Hit& hit : cast_all(all_methods(device, scan), exact_rays(random, scan, 1000))) {
     for (const std::uint32_t id : {1u, 2u, 3u, 4u, 6u}) EXPECT_NE(hit.leaf, id);
   }
   Scan cloud = discs(random, 40, 0.5f);
@@ -426,8 +363,7 @@ TEST_F(TraceExact, NothingButBadPrimitivesIsAnEmptyScene) {
   Scan scan;
   add_triangle(scan, {0, 0, 0}, {1, 1, 1}, {2, 2, 2});
   add_triangle(scan, {kNan, 0, 0}, {1, 0, 0}, {0, 1, 0});
-  for (const Hit& hit : cast(make_exact_tracer(device, scan), random_rays(random, soup(random, 1, 1), 100),
-                             RayQuery::kNearest)) {
+  for (const Hit& hit : cast_all(all_methods(device, scan), random_rays(random, soup(random, 1, 1), 100))) {
     EXPECT_EQ(hit.leaf, RBVH_NO_LEAF);
   }
 }
@@ -441,15 +377,104 @@ TEST_F(TraceExact, BadRaysHitNothing) {
                                  make_ray(o, d, kNan),      make_ray(o, d, 0, kNan),
                                  make_ray(o, d, 2, 1),      make_ray(o, d, 0, 0.5f),
                                  make_ray(o, d, 1.5f)};
-  for (const RayQuery query : {RayQuery::kNearest, RayQuery::kAny}) {
-    const std::vector<Hit> hits = cast(make_exact_tracer(device, scan), rays, query);
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      EXPECT_EQ(hits[i].leaf, RBVH_NO_LEAF) << i;
-      EXPECT_EQ(hits[i].t, kInfinity) << i;
+  for (const Method& method : all_methods(device, scan)) {
+    SCOPED_TRACE(method.name);
+    for (const RayQuery query : {RayQuery::kNearest, RayQuery::kAny}) {
+      const std::vector<Hit> hits = cast(method.tracer, rays, query);
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        EXPECT_EQ(hits[i].leaf, RBVH_NO_LEAF) << i;
+        EXPECT_EQ(hits[i].t, kInfinity) << i;
+      }
+      // The interval's ends belong to it.
+      EXPECT_EQ(cast(method.tracer, {make_ray(o, d, 1, 1)}, query)[0].t, 1.0f);
+      EXPECT_EQ(cast(method.tracer, {make_ray({0, 0, -1}, d, -1, 1)}, query)[0].t, -1.0f);
     }
-    // The interval's ends belong to it.
-    EXPECT_EQ(cast(make_exact_tracer(device, scan), {make_ray(o, d, 1, 1)}, query)[0].t, 1.0f);
-    EXPECT_EQ(cast(make_exact_tracer(device, scan), {make_ray({0, 0, -1}, d, -1, 1)}, query)[0].t, -1.0f);
+  }
+}
+
+TEST_F(TraceExact, Slivers) {
+  const Scan scan = slivers(random, 500);
+  check(scan, random_rays(random, scan, 1000), 0.5);
+  check(scan, exact_rays(random, scan, 300), 0);
+}
+
+TEST_F(TraceExact, EqualCentres) {
+  Scan scan;
+  for (int i = 1; i <= 400; ++i) {  // one in another, all around one point
+    const Vec3f u = uniform_direction(random) * (0.01f * static_cast<float>(i));
+    const Vec3f v = uniform_direction(random) * (0.01f * static_cast<float>(i));
+    add_triangle(scan, u, v, -(u + v));
+  }
+  check(scan, random_rays(random, scan, 1000), 0.5);
+}
+
+TEST_F(TraceExact, RaysThatStartOnTheSurface) {
+  const Scan scan = globe(random, 12, 24);
+  std::vector<Ray> rays;
+  for (const Triangle& t : scan.triangles) {
+    const Vec3f c = (scan.positions[t[0]] + scan.positions[t[1]] + scan.positions[t[2]]) * (1.0f / 3.0f);
+    rays.push_back(make_ray(c, uniform_direction(random), 1e-4f));
+    rays.push_back(make_ray(scan.positions[t[0]], uniform_direction(random), 1e-4f));
+    rays.push_back(make_ray(c, uniform_direction(random)));
+  }
+  check(scan, rays, 0);
+}
+
+TEST_F(TraceExact, AMillionUnitsAway) {
+  Scan scan = soup(random, 300, 40);
+  for (Vec3f& p : scan.positions) p = p * 100.0f + Vec3f{1e6f, -1e6f, 1e6f};
+  check(scan, random_rays(random, scan, 500), 0);
+  check(scan, exact_rays(random, scan, 300), 0);
+}
+
+TEST_F(TraceExact, TreesDeeperThanAWordHasBits) {
+  // Morton codes of one bit each, which are taken off one at a time, and many of none, told apart by place.
+  Scan scan;
+  const auto add = [&](const Vec3f& c, float e) {
+    add_triangle(scan, c + Vec3f{-e, -e, -e}, c + Vec3f{e, e, 0}, c + Vec3f{-e, e, e});
+  };
+  for (int bit = -1; bit <= 20; ++bit) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vec3f c{};
+      c[axis] = std::ldexp(1.0f, bit);
+      add(c, 0.25f * c[axis]);
+    }
+  }
+  for (int i = 0; i < 600; ++i) add({0, 0, 0}, 1e-3f * static_cast<float>(1 + i % 7));
+  bool deep = false;
+  for (const Method& method : all_methods(device, scan)) {
+    deep = deep || method.tracer.options.find("TRAIL_WORDS=2") != std::string::npos;
+  }
+  EXPECT_TRUE(deep);
+  std::vector<Ray> rays = random_rays(random, scan, 300);
+  for (std::size_t i = 0; i < 100; ++i) {  // at each, from its own size away; and through many
+    const Triangle& t = scan.triangles[i];
+    const Vec3f a = scan.positions[t[0]], b = scan.positions[t[1]], c = scan.positions[t[2]];
+    const Vec3f middle = a * 0.5f + b * 0.3f + c * 0.2f;
+    rays.push_back(make_ray(middle + cross(b - a, c - a) * (1 / length(b - a)), middle - a));
+    rays.push_back(make_ray(middle - Vec3f{0, 0, length(b - a)}, {0, 0, 1}));
+    rays.push_back(make_ray(middle * 2.0f, -middle));
+    rays.push_back(make_ray(-middle, middle));
+  }
+  check(scan, rays, 0);
+}
+
+TEST_F(TraceExact, AMillionDuplicatesOfOneCode) {
+  Scan scan = soup(random, 1, 1);
+  const Triangle one = scan.triangles[0];
+  scan.triangles.assign(1'000'000, one);
+  Scan alone = scan;
+  alone.triangles.resize(1);
+  const std::vector<Ray> rays = random_rays(random, scan, 20);
+  const std::vector<Hit> expected = cast(make_exact_tracer(device, alone), rays, RayQuery::kNearest);
+  for (const ExactTraversalInfo& t : kExactTraversals) {
+    for (const ExactBuilderInfo& b : kExactBuilders) {
+      if (b.tree != t.tree) continue;
+      SCOPED_TRACE(std::string(t.name) + " on " + b.name);
+      const std::vector<Hit> hits =
+          cast(make_exact_tracer(device, scan, {t.traversal, b.builder}), rays, RayQuery::kNearest);
+      for (std::size_t i = 0; i < rays.size(); ++i) ASSERT_EQ(hits[i].leaf, expected[i].leaf) << i;
+    }
   }
 }
 
@@ -466,14 +491,37 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
           make_ray({words.position[0], words.position[1], words.position[2]}, pixel_direction(words, x, y)));
     }
   }
-  const ExactTracer tracer = make_exact_tracer(device, scan);
-  Buffer<Hit> hits(device, rays.size());
-  Buffer<std::uint32_t> steps(device, rays.size());
-  hits.fill(0xcd);
-  steps.fill(0);
-  trace_camera(tracer, words, hits, &steps);
-  EXPECT_GT(compare(scan, rays, hits.read(), RayQuery::kNearest), rays.size() * 9 / 10);
-  for (const std::uint32_t count : steps.read()) EXPECT_GE(count, 1u);
+  for (const Method& method : all_methods(device, scan)) {
+    SCOPED_TRACE(method.name);
+    Buffer<Hit> hits(device, rays.size());
+    Buffer<std::uint32_t> steps(device, rays.size());
+    hits.fill(0xcd);
+    steps.fill(0);
+    trace_camera(method.tracer, words, hits, &steps);
+    EXPECT_GT(compare(scan, rays, hits.read(), RayQuery::kNearest), rays.size() * 9 / 10);
+    std::uint64_t total = 0;
+    for (const std::uint32_t count : steps.read()) total += count;
+    EXPECT_GT(total, rays.size());
+    if (method.tracer.packet_pixels >
+        0) {  // the same hits as one by one, from afar and from amid the triangles
+      ExactTracer alone = method.tracer;
+      alone.packet_pixels = 0;
+      CameraRays inside = words;
+      for (float& position : inside.position) position *= 0.01f;
+      Buffer<Hit> others(device, rays.size());
+      for (const CameraRays& c : {words, inside}) {
+        trace_camera(method.tracer, c, hits);
+        trace_camera(alone, c, others);
+        const std::vector<Hit> a = hits.read(), b = others.read();
+        for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(is_same(a[i], b[i])) << i;
+      }
+      continue;
+    }
+    const ExactVisits mean =
+        mean_visits(method.tracer, Buffer<Ray>(device, rays), rays.size(), RayQuery::kNearest);
+    EXPECT_NEAR(mean.nodes + mean.primitives, static_cast<double>(total) / static_cast<double>(rays.size()),
+                0.1);
+  }
 }
 
 }  // namespace

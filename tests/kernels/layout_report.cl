@@ -2,6 +2,7 @@
 // layout_fields.h (cmake/LayoutFields.cmake).
 #include "exact_layout.h"
 #include "layout.h"
+#include "linked_layout.h"
 
 #define SIZE(type) out[n++] = (uint)sizeof(type);
 #define FIELD(type, field) out[n++] = (uint)(size_t)(&((__private type*)0)->field);

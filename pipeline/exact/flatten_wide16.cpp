@@ -1,4 +1,4 @@
-#include "pipeline/exact/flatten_exact.h"
+#include "pipeline/exact/flatten_wide16.h"
 
 #include <algorithm>
 #include <limits>
@@ -18,7 +18,7 @@ struct Cut {
   std::uint32_t count = 0;
 };
 
-Cut widen(const SahBvh& bvh, std::uint32_t root) {
+Cut widen(const Bvh& bvh, std::uint32_t root) {
   Cut cut;
   cut.nodes[cut.count++] = root;
   while (cut.count < EXACT_NODE_WIDTH) {
@@ -50,7 +50,7 @@ void put_vector(ExactBlock& block, std::size_t row, std::size_t lane, const Vec3
   for (std::size_t axis = 0; axis < 3; ++axis) block.rows[row + axis][lane] = v[static_cast<int>(axis)];
 }
 
-void fill_block(const SahBvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBlock& block) {
+void fill_block(const Bvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBlock& block) {
   RBVH_CHECK(leaf.count <= EXACT_BLOCK_WIDTH);
   for (std::uint32_t lane = 0; lane < leaf.count; ++lane) {
     const std::uint32_t id = bvh.order[leaf.first + lane];
@@ -67,49 +67,10 @@ void fill_block(const SahBvh& bvh, const BvhNode& leaf, const Scan& scan, ExactB
   }
 }
 
-Bounds3f triangle_bounds(const Scan& scan, const Triangle& triangle) {
-  const Vec3f &a = scan.positions[triangle[0]], &b = scan.positions[triangle[1]],
-              &c = scan.positions[triangle[2]];
-  const auto ab = static_cast<Vec3d>(b) - static_cast<Vec3d>(a),
-             ac = static_cast<Vec3d>(c) - static_cast<Vec3d>(a);
-  const double area = length(cross(ab, ac));
-  Bounds3f box;
-  if (!(area > 0) || !std::isfinite(area)) return box;
-  box.add(a);
-  box.add(b);
-  box.add(c);
-  return box;
-}
-
-Bounds3f disc_bounds(const Vec3f& position, const Vec3f& normal, float radius) {
-  const Vec3d n = normalized(static_cast<Vec3d>(normal));
-  Bounds3f box;
-  if (!is_finite(position) || !is_finite(n) || !(dot(n, n) > 0) || !(radius > 0) || !std::isfinite(radius))
-    return box;
-  const auto half = [&](double along) {  // rounded outwards
-    return static_cast<float>(radius * std::sqrt(std::max(0.0, 1.0 - along * along)) * (1 + 1e-6));
-  };
-  const Vec3f e = {half(n.x), half(n.y), half(n.z)};
-  box.add(position - e);
-  box.add(position + e);
-  return box;
-}
-
 }  // namespace
 
-std::vector<Bounds3f> primitive_bounds(const Scan& scan) {
-  std::vector<Bounds3f> boxes(scan.is_cloud() ? scan.positions.size() : scan.triangles.size());
-  parallel_for(boxes.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      boxes[i] = scan.is_cloud() ? disc_bounds(scan.positions[i], scan.normals[i], scan.radii[i])
-                                 : triangle_bounds(scan, scan.triangles[i]);
-    }
-  });
-  return boxes;
-}
-
-ExactLayout flatten_exact(const SahBvh& bvh, const Scan& scan) {
-  ExactLayout layout;
+Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
+  Wide16Layout layout;
   layout.scene.root = EXACT_LEAF_BIT;  // the empty block
   std::vector<std::uint32_t> leaves;   // binary leaf of block i + 1
   const auto child_of = [&](std::uint32_t binary, auto&& inner) {

@@ -1,16 +1,16 @@
-// The explicit step from the build structure to the trace structure: a binary hierarchy over primitives
-// becomes 16-wide nodes and blocks of primitives (kernels/exact_layout.h).
+// From a binary hierarchy to what wide16 walks: 16-wide nodes and blocks of primitives
+// (kernels/trace_wide16.cl).
 #pragma once
 
 #include <vector>
 
 #include "kernels/exact_layout.h"
-#include "pipeline/exact/sah_bvh.h"
+#include "pipeline/exact/bvh.h"
 #include "pipeline/scan/scan.h"
 
 namespace rbvh {
 
-struct ExactLayout {
+struct Wide16Layout {
   ExactScene scene{};
   std::vector<ExactNode> nodes;    ///< at least one
   std::vector<ExactBlock> blocks;  ///< block 0 is empty
@@ -18,9 +18,6 @@ struct ExactLayout {
 };
 
 /// `bvh` is over the scan's triangles or, in a cloud, discs, with leaves of at most EXACT_BLOCK_WIDTH.
-ExactLayout flatten_exact(const SahBvh& bvh, const Scan& scan);
-
-/// The box of every primitive; empty for one that can never be hit.
-std::vector<Bounds3f> primitive_bounds(const Scan& scan);
+Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan);
 
 }  // namespace rbvh
