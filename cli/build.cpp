@@ -86,6 +86,7 @@ void run_build(Context& context, const BuildOptions& options) {
   BuildConfig config;
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
+  check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_rbvh_output(context.output, context.force);
 
   Stopwatch watch;

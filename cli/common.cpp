@@ -3,6 +3,9 @@
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
+#include <algorithm>
+#include <filesystem>
+#include <set>
 
 #include <cstdio>
 #include <cstdlib>
@@ -58,11 +61,15 @@ std::uint64_t machine_memory() {
   return static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(size);
 }
 
+constexpr int kMostThreads = 256;
+
 void begin_stage(Context& context) {
   context.start = std::chrono::steady_clock::now();
   if (!context.log_path.empty()) open_log(context);
   if (!context.report_path.empty()) check_output(context.report_path, context.force);
-  if (context.threads > 0) set_thread_count(context.threads);  // PoCL's too: see list_devices()
+  // More than the system can start would abort within PoCL.
+  if (context.threads > 0)
+    set_thread_count(std::min(context.threads, kMostThreads));  // PoCL's too: see list_devices()
   context.progress.start(context.quiet ? ProgressMode::kNone : context.progress_mode, context.stage,
                          use_color(context));
   set_compile_notice([&context](std::string_view line) {
@@ -87,6 +94,28 @@ void end_stage(Context& context) {
 }
 
 }  // namespace
+
+void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
+                        std::vector<std::string> outputs) {
+  outputs.push_back(context.report_path);
+  outputs.push_back(context.log_path);
+  std::set<std::filesystem::path> taken;
+  const auto resolve = [](const std::string& path) {
+    std::error_code error;
+    const auto whole = std::filesystem::weakly_canonical(path, error);
+    return error ? std::filesystem::path(path) : whole;
+  };
+  for (const std::string& input : inputs)
+    if (input != "-") taken.insert(resolve(input));
+  for (const std::string& output : outputs) {
+    // Devices (/dev/null) can be named twice.
+    std::error_code error;
+    if (output.empty() || output == "-" || std::filesystem::is_character_file(output, error)) continue;
+    if (!taken.insert(resolve(output)).second)
+      throw Error(ExitCode::kUsage, output,
+                  "is named twice, to be written and read or written; choose another name");
+  }
+}
 
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
                     std::function<void()> work) {

@@ -67,6 +67,10 @@ enum CommonOption : unsigned {
   kWithReport = 4,  ///< --report
 };
 
+/// Throws Error(kUsage) where one of `outputs`, the report or the log is an input, or another of them.
+void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
+                        std::vector<std::string> outputs);
+
 /// Declares a stage. `work` runs after all options have been read, with threads, log and progress set up.
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
                     std::function<void()> work);

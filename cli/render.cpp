@@ -112,6 +112,7 @@ class Renderer {
     const int turns = std::max(1, options_.camera.turntable);
     if (!options_.camera.cameras_path.empty())
       words_ = read_cameras(options_.camera.cameras_path, options_.camera.words);
+    check_paths_differ(context_, options_.files, {context_.output});
     check_names(options_, names_, words_.size() * static_cast<std::size_t>(turns));
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;

@@ -65,6 +65,7 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
 
 void run_trace(Context& context, const TraceOptions& options) {
   const ExactConfig exact = exact_config(options.exact);
+  check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
   Stopwatch watch;
   const FloatTable rays = read_npy(options.rays, kRayColumns);

@@ -105,6 +105,11 @@ Json measure(Context& context, const ValidateOptions& options, const Subject& pa
   Scan scan = load_exact_scan(context, options.against);
   move_to_shift(scan, pair.rbvh()->source.shift);
   exact.bounds = bounds(scan);
+  const Bounds3f& built = pair.rbvh()->source.bounds;
+  if (std::max(length(exact.bounds.lo - built.lo), length(exact.bounds.hi - built.hi)) >
+      0.05f * built.diagonal())
+    warn(context,
+         options.against + ": does not lie where the pair's scan does; is the pair built from another?");
   exact.is_cloud = scan.is_cloud();
   exact.content = std::move(scan);
   const std::vector<std::string> levels =

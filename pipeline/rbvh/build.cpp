@@ -23,6 +23,8 @@ constexpr float kFloorTexels = 16;
 /// A faulty tile is split further, down to this.
 constexpr float kFaultFloorTexels = 4;
 constexpr std::uint32_t kFloorPrimitives = 4;
+/// In scan units squared.
+constexpr float kLeastArea = 1e-15f, kMostArea = 1e17f;
 /// Discs that lie further apart than this where they overlap are noise that a tile would not show as they do.
 constexpr float kNoiseTexels = 0.1f;
 /// A leaf of no more primitives than this keeps them where its tile is faulty (and in fine levels of clouds).
@@ -141,6 +143,11 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   Partition partition = make_root(primitives, cones);
   const float area = partition.nodes[0].sums.area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
+  // Squares of areas must stay within float on the device.
+  if (!(area >= kLeastArea && area <= kMostArea))
+    throw Error(
+        ExitCode::kInput, "",
+        "the scan's area is beyond what float can work with; scale it to a size between 1e-6 and 1e8");
   lap(time.upload);
 
   std::vector<LevelRule> rules;
@@ -175,9 +182,9 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
         leaves.push_back(n);
       }
     }
-    // Where texels are as fine as a cloud's discs, the discs themselves are as few bytes, and exact.
+    // Where texels are finer than a cloud's discs, the discs themselves are as few bytes, and exact.
     const bool keeps_discs =
-        primitives.discs && config.levels[i].rho >= 0.5f * static_cast<float>(primitives.count);
+        primitives.discs && config.levels[i].rho >= 2 * static_cast<float>(primitives.count);
     const RasterConfig raster = raster_config(rule, primitives, keeps_discs);
     // Splits for a level's own faults are made on a copy, so that no level depends on another.
     Partition own{.nodes = partition.nodes,

@@ -206,6 +206,7 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
     device.kernel("rasterize", "rasterize_merge")
         .run(texel_count, 256, keys, guest_keys, static_cast<std::uint32_t>(texel_count), config.reach,
+             primitives.discs ? 2 * config.reach : config.turn_reach,
              primitives.discs ? 2 * config.reach : config.open_reach);
   }
 

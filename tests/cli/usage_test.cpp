@@ -29,6 +29,15 @@ TEST_F(Usage, TheStageComesFirst) {
   expect_usage_error("devices devices", "devices");
 }
 
+TEST_F(Usage, NoPathIsBothReadAndWritten) {
+  expect_usage_error("build a.ply -o a.ply -f", "a.ply: is named twice");
+  expect_usage_error("build a.ply -o b.rbvh --report ./a.ply -f", "is named twice");
+  expect_usage_error("build a.ply -o b.rbvh --report b.rbvh", "is named twice");
+  expect_usage_error("build a.ply -o b.rbvh --report b.atlas.tif", "is named twice");
+  expect_usage_error("trace a.ply --rays r.npy -o a.ply -f", "is named twice");
+  expect_usage_error("render a.ply -o a.png --report a.ply -f", "is named twice");
+}
+
 TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("render a.ply", "rbvh render: ");
   expect_usage_error("render a.ply -o a.png --resolution 64", "--resolution: '64'");
