@@ -10,14 +10,12 @@
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/render/camera.h"
-#include "tests/oracle.h"
+#include "tests/exact_scenes.h"
 #include "tests/property.h"
 #include "tests/shapes.h"
 
 namespace rbvh {
 namespace {
-
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 Rbvh build(const Scan& scan, std::vector<LevelConfig> levels,
            Refinement refinement = Refinement::kProjectedArea) {
@@ -33,10 +31,6 @@ std::vector<Hit> trace(const Level& level, const std::vector<Ray>& rays,
   return hits.read();
 }
 
-Ray ray(Vec3f o, Vec3f d, float tmin = 0, float tmax = kInfinity) {
-  return {{o.x, o.y, o.z}, tmin, {d.x, d.y, d.z}, tmax};
-}
-
 struct Exact {
   double t = std::numeric_limits<double>::infinity();
   double inside = -1;  ///< least barycentric coordinate of the hit triangle
@@ -45,7 +39,6 @@ struct Exact {
 };
 
 Exact brute_force(const Scan& scan, const Ray& r) {
-  const auto point = [](Vec3f p) { return oracle::Point{p.x, p.y, p.z}; };
   const oracle::Point o{r.origin[0], r.origin[1], r.origin[2]},
       d{r.direction[0], r.direction[1], r.direction[2]};
   Exact best;
@@ -72,7 +65,7 @@ std::vector<Ray> rays_at_sphere(std::size_t count, std::uint64_t seed, bool from
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3f target = direction() * 0.9f;
     const Vec3f from = from_inside ? direction() * 0.3f : direction() * 3.0f;
-    rays.push_back(ray(from, target - from));
+    rays.push_back(make_ray(from, target - from));
   }
   return rays;
 }
@@ -119,8 +112,8 @@ TEST(TraceRbvh, PacketsAndSingleRaysAgree) {
   std::vector<Ray> rays;
   for (std::uint32_t y = 0; y < camera.height; ++y)
     for (std::uint32_t x = 0; x < camera.width; ++x)
-      rays.push_back(
-          ray({camera.position[0], camera.position[1], camera.position[2]}, pixel_direction(camera, x, y)));
+      rays.push_back(make_ray({camera.position[0], camera.position[1], camera.position[2]},
+                              pixel_direction(camera, x, y)));
   const std::vector<Hit> single = trace(level, rays);
   const Device device = Device::open();
   const Buffer<Hit> hits(device, rays.size());
@@ -140,16 +133,8 @@ TEST(TraceRbvh, PacketsAndSingleRaysAgree) {
 // Leaves that keep their primitives: a thicket of triangles, or a noisy layer of discs, is no height field
 // anywhere.
 Scan thicket(std::size_t count, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  std::uniform_real_distribution<float> at(-1, 1);
-  Scan scan;
-  for (std::uint32_t i = 0; i < count; ++i) {
-    const Vec3f a{at(random), at(random), at(random)};
-    for (int k = 0; k < 3; ++k)
-      scan.positions.push_back(a + Vec3f{at(random), at(random), at(random)} * 0.15f);
-    scan.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
-  }
-  return scan;
+  Random random(seed);
+  return soup(random, count, 0.15f);
 }
 
 Scan noisy_discs(int n, std::uint64_t seed) {
@@ -219,7 +204,7 @@ TEST(TraceRbvh, NoRaySlipsBetweenPrimitivesThatLeavesKeep) {
       const Vec3f a = scan.positions[t[0]], b = scan.positions[t[1]], p = a + (b - a) * at(random);
       if (p.x < 0.001f || p.x > 0.009f || p.y < 0.001f || p.y > 0.009f) continue;
       const Vec3f from{0.5f + at(random), at(random), 2.5f};
-      rays.push_back(ray(from, p - from));
+      rays.push_back(make_ray(from, p - from));
     }
   }
   ASSERT_GT(rays.size(), 5000u);
@@ -263,12 +248,13 @@ TEST(TraceRbvh, HitsPlatesSquarelyAndUnevenRaysMiss) {
   add_plate(scan, 8, 0.25f);
   const Level level = build(scan, {{"Q", 1e4f, 0.85f, 45}}).levels[0];
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const std::vector<Hit> hits = trace(
-      level,
-      {ray({0.1f, 0.2f, 2}, {0, 0, -1}), ray({0.1f, 0.2f, -2}, {0, 0, 4}), ray({0.1f, 0.2f, 2}, {0, 0, 1}),
-       ray({0.1f, 0.2f, 2}, {0, 0, 0}), ray({nan, 0, 2}, {0, 0, -1}), ray({0, 0, 2}, {0, nan, -1}),
-       ray({-2, 0, 0.25f}, {1, 0, 0}), ray({-0.5f, -0.5f, 2}, {0, 0, -1}), ray({0.51f, 0, 2}, {0, 0, -1}),
-       ray({0.1f, 0.2f, 2}, {0, 0, -1e-12f}), ray({0.1f, 0.2f, 2}, {0, 0, -1e12f})});
+  const std::vector<Hit> hits =
+      trace(level, {make_ray({0.1f, 0.2f, 2}, {0, 0, -1}), make_ray({0.1f, 0.2f, -2}, {0, 0, 4}),
+                    make_ray({0.1f, 0.2f, 2}, {0, 0, 1}), make_ray({0.1f, 0.2f, 2}, {0, 0, 0}),
+                    make_ray({nan, 0, 2}, {0, 0, -1}), make_ray({0, 0, 2}, {0, nan, -1}),
+                    make_ray({-2, 0, 0.25f}, {1, 0, 0}), make_ray({-0.5f, -0.5f, 2}, {0, 0, -1}),
+                    make_ray({0.51f, 0, 2}, {0, 0, -1}), make_ray({0.1f, 0.2f, 2}, {0, 0, -1e-12f}),
+                    make_ray({0.1f, 0.2f, 2}, {0, 0, -1e12f})});
   EXPECT_NEAR(hits[0].t, 1.75f, 1e-5f);
   EXPECT_EQ(hits[0].normal[2], 1.0f);
   EXPECT_NEAR(hits[1].t, 0.5625f, 1e-5f);
@@ -316,8 +302,8 @@ TEST(Faults, NoWallStandsInAStep) {
   std::vector<Ray> through, onto;
   for (int i = 0; i < 50; ++i) {
     const float z = 0.1f + 0.4f * static_cast<float>(i) / 49;
-    through.push_back(ray({-1, 0.37f, z}, {1, 0.01f, 0}));
-    onto.push_back(ray({0.02f + 1.96f * static_cast<float>(i) / 49, 0.5f, 3}, {0, 0, -1}));
+    through.push_back(make_ray({-1, 0.37f, z}, {1, 0.01f, 0}));
+    onto.push_back(make_ray({0.02f + 1.96f * static_cast<float>(i) / 49, 0.5f, 3}, {0, 0, -1}));
   }
   for (const Hit& hit : trace(level, through)) EXPECT_FALSE(std::isfinite(hit.t));
   for (const Hit& hit : trace(level, onto)) EXPECT_TRUE(std::isfinite(hit.t));
@@ -332,8 +318,8 @@ TEST(Faults, TheLowerOfTwoLayersIsKept) {
   for (int i = 0; i < 100; ++i) {
     const float x = -0.45f + 0.1f * static_cast<float>(i % 10),
                 y = -0.45f + 0.1f * static_cast<float>(i / 10);
-    down.push_back(ray({x, y, 1}, {0, 0, -1}));
-    up.push_back(ray({x, y, -1}, {0, 0, 1}));
+    down.push_back(make_ray({x, y, 1}, {0, 0, -1}));
+    up.push_back(make_ray({x, y, -1}, {0, 0, 1}));
   }
   for (const Hit& hit : trace(level, down)) EXPECT_NEAR(hit.t, 0.8f, 1e-3f);
   for (const Hit& hit : trace(level, up)) EXPECT_NEAR(hit.t, 1.0f, 1e-3f);
@@ -344,7 +330,8 @@ TEST(Faults, BothSidesOfAThinSheetAreKept) {
   add_plate(scan, 20, 0, false);
   add_plate(scan, 20, 0.004f, true);
   const Level level = build(scan, {{"Q", 2e4f, 0.65f, 65}}).levels[0];
-  for (const Hit& hit : trace(level, {ray({0.1f, 0.1f, 1}, {0, 0, -1}), ray({0.1f, 0.1f, -1}, {0, 0, 1})})) {
+  for (const Hit& hit :
+       trace(level, {make_ray({0.1f, 0.1f, 1}, {0, 0, -1}), make_ray({0.1f, 0.1f, -1}, {0, 0, 1})})) {
     EXPECT_TRUE(std::isfinite(hit.t));
     EXPECT_EQ(hit.flags & RBVH_HIT_BACK_FACE, 0u) << "its outside was not hit first";
   }
@@ -389,8 +376,8 @@ std::string traced_out_of_bounds(const Device& device, const RbvhTracer& tracer,
   const Buffer<Hit> hits(device, 32 * 32);
   std::vector<Ray> rays;
   for (std::uint32_t i = 0; i < 32 * 32; ++i)
-    rays.push_back(ray({camera.position[0], camera.position[1], camera.position[2]},
-                       pixel_direction(camera, i % 32, i / 32)));
+    rays.push_back(make_ray({camera.position[0], camera.position[1], camera.position[2]},
+                            pixel_direction(camera, i % 32, i / 32)));
   std::vector<std::string> errors;
   const auto run = [&](auto&& trace_all) {
     errors.emplace_back();
@@ -479,7 +466,7 @@ TEST(Build, OneTriangleIsEnoughAndNoAreaIsRefused) {
   one.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   one.triangles = {{0, 1, 2}};
   const Level level = build(one, {standard_levels()[4]}).levels[0];
-  EXPECT_TRUE(std::isfinite(trace(level, {ray({0.2f, 0.2f, 1}, {0, 0, -1})})[0].t));
+  EXPECT_TRUE(std::isfinite(trace(level, {make_ray({0.2f, 0.2f, 1}, {0, 0, -1})})[0].t));
   Scan line = one;
   line.positions[2] = {2, 0, 0};
   EXPECT_THROW(build(line, {standard_levels()[4]}), Error);

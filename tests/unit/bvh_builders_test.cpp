@@ -15,17 +15,6 @@
 namespace rbvh {
 namespace {
 
-std::vector<Bounds3f> random_boxes(std::size_t count, bool flat) {
-  std::mt19937_64 random(property_seed());
-  std::uniform_real_distribution<float> place(-10, 10), size(0, 0.5f);
-  std::vector<Bounds3f> boxes(count);
-  for (Bounds3f& box : boxes) {
-    box.add(Vec3f{place(random), place(random), flat ? 1.0f : place(random)});
-    box.add(box.lo + Vec3f{size(random), size(random), flat ? 0.0f : size(random)});
-  }
-  return boxes;
-}
-
 using Build = std::function<Bvh(const std::vector<Bounds3f>&, const BvhConfig&)>;
 
 struct Builder {
@@ -120,7 +109,7 @@ TEST_P(BvhBuilders, WholeAndTight) {
     for (const bool flat : {false, true}) {
       for (const BvhConfig& config : {BvhConfig{1, 1}, BvhConfig{8, 8}, BvhConfig{8, 1}}) {
         SCOPED_TRACE(count);
-        const std::vector<Bounds3f> boxes = random_boxes(count, flat);
+        const std::vector<Bounds3f> boxes = random_boxes(count, flat, 0.5f);
         check(build(boxes, config), boxes, config.leaf_size, count);
       }
     }
@@ -128,7 +117,7 @@ TEST_P(BvhBuilders, WholeAndTight) {
 }
 
 TEST_P(BvhBuilders, CostIsNearTheSweeps) {
-  const std::vector<Bounds3f> boxes = random_boxes(20000, false);
+  const std::vector<Bounds3f> boxes = random_boxes(20000, false, 0.5f);
   const BvhConfig config{8, 1};
   const double cost = sah_cost(build(boxes, config), config);
   EXPECT_LE(cost, GetParam().most_cost * sah_cost(build_sah_bvh(boxes, config), config));
@@ -137,13 +126,13 @@ TEST_P(BvhBuilders, CostIsNearTheSweeps) {
 }
 
 TEST_P(BvhBuilders, DuplicatesAndBadBoxes) {
-  std::vector<Bounds3f> boxes(20000, random_boxes(1, false)[0]);
+  std::vector<Bounds3f> boxes(20000, random_boxes(1, false, 0.5f)[0]);
   const Bvh same = build(boxes, {1, 1});
   check(same, boxes, 1, boxes.size());
   EXPECT_LE(depth(same), 17);  // halved, not peeled
   boxes.assign(1000, Bounds3f{});
   check(build(boxes, {4, 1}), boxes, 4, 0);
-  boxes = random_boxes(1000, false);
+  boxes = random_boxes(1000, false, 0.5f);
   for (std::size_t i = 0; i < boxes.size(); i += 2) boxes[i].hi.y = std::numeric_limits<float>::quiet_NaN();
   boxes[1].lo.x = -std::numeric_limits<float>::infinity();
   check(build(boxes, {4, 1}), boxes, 4, 499);
@@ -170,7 +159,7 @@ void expect_same(const Bvh& a, const Bvh& b) {
 }
 
 TEST_P(BvhBuilders, TheSameForAnyNumberOfThreads) {
-  const std::vector<Bounds3f> boxes = random_boxes(200000, false);
+  const std::vector<Bounds3f> boxes = random_boxes(200000, false, 0.5f);
   set_thread_count(1);
   const Bvh one = build(boxes, {8, 8});
   set_thread_count(3);
@@ -180,7 +169,7 @@ TEST_P(BvhBuilders, TheSameForAnyNumberOfThreads) {
 }
 
 TEST(DeviceBuilders, TheSameOnAGpu) {
-  const std::vector<Bounds3f> boxes = random_boxes(50000, false);
+  const std::vector<Bounds3f> boxes = random_boxes(50000, false, 0.5f);
   expect_same(build_ploc(device(), boxes, {8, 8}), build_ploc(as_gpu(), boxes, {8, 8}));
   expect_same(build_lbvh(device(), boxes, {8, 8}), build_lbvh(as_gpu(), boxes, {8, 8}));
 }

@@ -9,17 +9,6 @@
 namespace rbvh {
 namespace {
 
-std::vector<Bounds3f> random_boxes(std::size_t count, bool flat) {
-  std::mt19937_64 random(property_seed());
-  std::uniform_real_distribution<float> place(-10, 10), size(0, 1);
-  std::vector<Bounds3f> boxes(count);
-  for (Bounds3f& box : boxes) {
-    box.add(Vec3f{place(random), place(random), flat ? 1.0f : place(random)});
-    box.add(box.lo + Vec3f{size(random), size(random), flat ? 0.0f : size(random)});
-  }
-  return boxes;
-}
-
 bool overlap_inside(const Bounds3f& cell, const Bounds3f& box) {
   for (int axis = 0; axis < 3; ++axis) {
     if (!(box.lo[axis] < cell.hi[axis] && box.hi[axis] > cell.lo[axis])) return false;
@@ -81,7 +70,7 @@ TEST(KdTree, EveryBoxIsWhereverItLies) {
     for (const bool flat : {false, true}) {
       for (const bool flat_cells : {false, true}) {
         SCOPED_TRACE(count);
-        const std::vector<Bounds3f> boxes = random_boxes(count, flat);
+        const std::vector<Bounds3f> boxes = random_boxes(count, flat, 1);
         KdConfig config;
         config.flat_cells = flat_cells;
         check(build_kd_tree(boxes, config), boxes, config);
@@ -91,7 +80,7 @@ TEST(KdTree, EveryBoxIsWhereverItLies) {
 }
 
 TEST(KdTree, EmptySpaceIsCutOff) {
-  std::vector<Bounds3f> boxes = random_boxes(100, false);
+  std::vector<Bounds3f> boxes = random_boxes(100, false, 1);
   boxes.push_back({{1000, 1000, 1000}, {1001, 1001, 1001}});
   const KdTree tree = build_kd_tree(boxes, {});
   EXPECT_GT(check(tree, boxes, {}), 0u);
@@ -99,7 +88,7 @@ TEST(KdTree, EmptySpaceIsCutOff) {
 }
 
 TEST(KdTree, DuplicatesAndBadBoxes) {
-  std::vector<Bounds3f> boxes(3000, random_boxes(1, false)[0]);
+  std::vector<Bounds3f> boxes(3000, random_boxes(1, false, 1)[0]);
   check(build_kd_tree(boxes, {}), boxes, {});
   EXPECT_TRUE(build_kd_tree({}, {}).nodes.empty());
   boxes.assign(10, Bounds3f{});
@@ -122,7 +111,7 @@ TEST(KdTree, PlanesFullOfBoxes) {
 }
 
 TEST(KdTree, TheSameForAnyNumberOfThreads) {
-  const std::vector<Bounds3f> boxes = random_boxes(100000, false);
+  const std::vector<Bounds3f> boxes = random_boxes(100000, false, 1);
   set_thread_count(1);
   const KdTree one = build_kd_tree(boxes, {});
   set_thread_count(3);
