@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "cli/common.h"
+#include "cli/layer_options.h"
 #include "cli/measure.h"
 #include "cli/stages.h"
 #include "io/hash.h"
@@ -10,6 +11,7 @@
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/layers.h"
 #include "pipeline/scan/ingest.h"
 
 namespace rbvh {
@@ -25,6 +27,8 @@ struct BuildOptions {
   std::string file;
   std::vector<std::string> levels;  // empty: all
   Refinement refinement = Refinement::kProjectedArea;
+  std::vector<std::string> layers;  // of the scan's vertex properties
+  double layer_scale = 1;
   bool measure = false;
 };
 
@@ -64,6 +68,8 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
   nlohmann::ordered_json json;
   json["refinement"] = options.refinement == Refinement::kProjectedArea ? "area" : "cone";
   for (const LevelConfig& level : levels) json["levels"].push_back(level.name);
+  if (!options.layers.empty()) json["layers"] = options.layers;
+  if (!options.layers.empty() && options.layer_scale != 1) json["layer_scale"] = options.layer_scale;
   return json;
 }
 
@@ -74,11 +80,13 @@ Scan measure_pair(Context& context, const Device& device, Rbvh& rbvh, Scan&& sca
   exact.is_cloud = pair.is_cloud = scan.is_cloud();
   exact.content = std::move(scan);
   pair.content = std::move(rbvh);
+  MeasureConfig config;
+  config.images = config.distances = true;
   const std::vector<LevelMeasure> measures =
-      measure_levels(context, device, pair, exact, choose_levels(pair, {"all"}), {});
+      measure_levels(context, device, pair, exact, choose_levels(pair, {"all"}), config);
   rbvh = std::move(std::get<Rbvh>(pair.content));
   for (std::size_t i = 0; i < measures.size(); ++i)
-    rbvh.levels[i].fidelity = stored_fidelity(measures[i].views);
+    rbvh.levels[i].fidelity = stored_fidelity(measures[i], config.views);
   return std::move(std::get<Scan>(exact.content));
 }
 
@@ -112,6 +120,8 @@ void run_build(Context& context, const BuildOptions& options) {
   const double build_seconds = watch.lap();
   rbvh.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
   rbvh.source.hash = hash;
+  add_property_layers(rbvh.levels, scan, options.layers, options.layer_scale, context.progress.callback());
+  const double layer_seconds = watch.lap();
   double measure_seconds = 0;
   if (options.measure) {
     scan = measure_pair(context, device, rbvh, std::move(scan));
@@ -123,10 +133,10 @@ void run_build(Context& context, const BuildOptions& options) {
 
   auto& report = context.report;
   report["device"] = device_json(device.info());
-  report["timings"] = {{"load", load_seconds},           {"build", build_seconds},
-                       {"upload", timings.upload},       {"partition", timings.partition},
-                       {"rasterize", timings.rasterize}, {"pack", timings.pack},
-                       {"measure", measure_seconds},     {"write", write_seconds}};
+  report["timings"] = {
+      {"load", load_seconds},           {"build", build_seconds},         {"upload", timings.upload},
+      {"partition", timings.partition}, {"rasterize", timings.rasterize}, {"pack", timings.pack},
+      {"layers", layer_seconds},        {"measure", measure_seconds},     {"write", write_seconds}};
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
@@ -136,7 +146,8 @@ void run_build(Context& context, const BuildOptions& options) {
                                 {"exact_leaves", level.exact_leaves.size()},
                                 {"texels", std::uint64_t{level.atlas_width} * level.atlas_height},
                                 {"texels_used", level.texels_used},
-                                {"seconds", timings.levels[i].seconds}});
+                                {"seconds", timings.levels[i].seconds},
+                                {"fidelity", fidelity_json(level.fidelity)}});
   }
   note(context, "rbvh build: wrote " + context.output + " (" + std::to_string(rbvh.levels.size()) +
                     " levels, " + format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
@@ -154,6 +165,10 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
   add_parsed(*stage, "--refinement", options->refinement, parse_refinement, "HOW",
              "what splits a node: area (projected area, default) or cone (cone of normals)");
+  add_parsed(*stage, "--layer", options->layers, parse_layer_names, "NAME,NAME",
+             "make layers of these properties of the scan's vertices");
+  add_parsed(*stage, "--layer-scale", options->layer_scale, parse_layer_scale, "S",
+             "their texels to one of the heights', 0.0625 to 16 (default: 1)");
   stage->add_flag(
       "--measure", options->measure,
       "compare each level with the scan in 8 views and store what is found (see validate --against)");

@@ -95,6 +95,18 @@ typedef struct RbvhPrimitive {
 } RbvhPrimitive;
 RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
+// --- points on the surface ------------------------------------------------------------------------------------------
+// A leaf that a point lies near, and where: u, v in texels of its tile. `distance` in scan units to the leaf's surface: of
+// a tile along its w, of a leaf that keeps primitives to the nearest of them. `covers` 0: the point lies beside the
+// tile's surface, and `distance` is none.
+typedef struct PointHit {
+  rbvh_u32 leaf;
+  float u, v;
+  float distance;
+  rbvh_u32 covers;
+} PointHit;
+RBVH_LAYOUT_SIZE(PointHit, 20);
+
 // --- building -------------------------------------------------------------------------------------------------------
 // A run of primitive references of one node or tile: what one work-item handles.
 typedef struct Run {

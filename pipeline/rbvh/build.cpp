@@ -141,7 +141,8 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   const Primitives primitives = upload_primitives(device, scan);
   const bool cones = config.refinement == Refinement::kConeOfNormals;
   Partition partition = make_root(primitives, cones);
-  const float area = partition.nodes[0].sums.area;
+  const float own_area = partition.nodes[0].sums.area;
+  const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
   // Squares of areas must stay within float on the device.
   if (!(area >= kLeastArea && area <= kMostArea))

@@ -27,6 +27,7 @@ enum class Refinement { kProjectedArea, kConeOfNormals };
 struct BuildConfig {
   std::vector<LevelConfig> levels = standard_levels();
   Refinement refinement = Refinement::kProjectedArea;
+  double area = 0;  ///< that the levels' rho is for; 0: the scan's own
 };
 
 /// What a build did, for reports: seconds by phase, summed over levels.
