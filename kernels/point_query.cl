@@ -3,6 +3,8 @@
 #include "bounds.h"
 #include "layout.h"
 
+#define HEIGHTS 2u, sizeof(ushort)
+#define PRIMITIVES 5u, sizeof(RbvhPrimitive)
 #define STACK 66  // no node is deeper than 64: see docs/file_format.md
 
 static inline float3 row(__global const RbvhLeaf* leaf, uint i) { return vload3(0, leaf->to_tile + 4 * i); }
@@ -71,7 +73,7 @@ __kernel void point_query_find(__global const RbvhNode* nodes, __global const Rb
       const int x = min((int)hit.u, width - 2), y = min((int)hit.v, height - 2);
       const float fu = hit.u - (float)x, fv = hit.v - (float)y;
       const uint at = (leaf->y + (uint)y) * atlas_width + leaf->x + (uint)x;
-      if (!IN_BOUNDS(bounds, 2u, sizeof(ushort), at, atlas_width + 2)) return;
+      if (!IN_BOUNDS(bounds, HEIGHTS, at, atlas_width + 2)) return;
       const float4 h = (float4)(heights[at], heights[at + 1], heights[at + atlas_width], heights[at + atlas_width + 1]);
       // Texels without a surface count nothing; a point right over one still has its neighbours.
       const float4 share = (float4)((1.0f - fu) * (1.0f - fv), fu * (1.0f - fv), (1.0f - fu) * fv, fu * fv) + 1e-6f;
@@ -85,7 +87,7 @@ __kernel void point_query_find(__global const RbvhNode* nodes, __global const Rb
         if (first != 0xffffffffu) {
           float least = INFINITY;
           for (uint k = 0; k < leaf->primitives; ++k) {
-            if (!IN_BOUNDS(bounds, 5u, sizeof(RbvhPrimitive), first + k, 1)) return;
+            if (!IN_BOUNDS(bounds, PRIMITIVES, first + k, 1)) return;
             __global const float* s = primitives[first + k].shape;
             least = min(least, discs ? disc_distance2(p, vload3(0, s), s[3], vload3(0, s + 4))
                                      : triangle_distance2(p, vload3(0, s), vload3(1, s), vload3(2, s)));
