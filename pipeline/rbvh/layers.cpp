@@ -105,6 +105,24 @@ float height_at(const Level& level, const RbvhLeaf& leaf, float u, float v) {
   return weight > 0 ? sum / weight : kNone;
 }
 
+/// Of the nearest texel that has one, within `reach` texels; NaN: none.
+float nearest_height(const Level& level, const RbvhLeaf& leaf, float u, float v, float reach) {
+  const std::vector<std::uint16_t>& heights = level.layers[0].texels;
+  float best = reach * reach, found = kNone;
+  const int x1 = std::min(leaf.width - 1, static_cast<int>(u + reach)),
+            y1 = std::min(leaf.height - 1, static_cast<int>(v + reach));
+  for (int y = std::max(0, static_cast<int>(v - reach)); y <= y1; ++y)
+    for (int x = std::max(0, static_cast<int>(u - reach)); x <= x1; ++x) {
+      const float du = static_cast<float>(x) - u, dv = static_cast<float>(y) - v;
+      const float h = heights[(leaf.y + static_cast<std::size_t>(y)) * level.atlas_width + leaf.x +
+                              static_cast<std::size_t>(x)];
+      if (h == 0 || du * du + dv * dv > best) continue;
+      best = du * du + dv * dv;
+      found = h;
+    }
+  return found;
+}
+
 Vec3f value3(const Layer& layer, std::uint16_t packed) {
   return layer.name == "normal" ? unpack_normal(packed) : unpack_srgb(packed);
 }
@@ -174,7 +192,10 @@ LayerPoints layer_points(const Level& level, const Layer& layer) {
     for (int y = 0; y < grid.tile.height; ++y)
       for (int x = 0; x < grid.tile.width; ++x) {
         const float u = static_cast<float>(x) / grid.per_u, v = static_cast<float>(y) / grid.per_v;
-        const float h = height_at(level, leaf, u, v);
+        float h = height_at(level, leaf, u, v);
+        // Coarse texels reach past the heights' rim as fine ones do: reads there need all four.
+        const float side = std::max(1 / grid.per_u, 1 / grid.per_v);
+        if (std::isnan(h) && side > 1) h = nearest_height(level, leaf, u, v, 1.5f * side);
         if (std::isnan(h)) continue;
         result.texels.push_back(grid.texel(x, y));
         result.points.push_back(frame.at(u, v, h));
