@@ -27,6 +27,8 @@ struct BuildOptions {
   std::string file;
   std::vector<std::string> levels;  // empty: all
   Refinement refinement = Refinement::kProjectedArea;
+  SplitRule split = SplitRule::kSpatialMedian;
+  RaysKind rays = RaysKind::kCoherent;
   std::vector<std::string> layers;  // of the scan's vertex properties
   double layer_scale = 1;
   bool measure = false;
@@ -36,6 +38,18 @@ Refinement parse_refinement(std::string_view text) {
   if (text == "area") return Refinement::kProjectedArea;
   if (text == "cone") return Refinement::kConeOfNormals;
   throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither area nor cone");
+}
+
+SplitRule parse_split(std::string_view text) {
+  if (text == "median") return SplitRule::kSpatialMedian;
+  if (text == "sah") return SplitRule::kSurfaceArea;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither median nor sah");
+}
+
+RaysKind parse_rays(std::string_view text) {
+  if (text == "coherent") return RaysKind::kCoherent;
+  if (text == "incoherent") return RaysKind::kIncoherent;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither coherent nor incoherent");
 }
 
 // Finest first, whatever order they were asked for in.
@@ -67,6 +81,8 @@ Scan read_ingested(const std::string& path, std::string_view bytes) {
 nlohmann::ordered_json options_json(const BuildOptions& options, const std::vector<LevelConfig>& levels) {
   nlohmann::ordered_json json;
   json["refinement"] = options.refinement == Refinement::kProjectedArea ? "area" : "cone";
+  json["split"] = options.split == SplitRule::kSpatialMedian ? "median" : "sah";
+  json["rays"] = options.rays == RaysKind::kCoherent ? "coherent" : "incoherent";
   for (const LevelConfig& level : levels) json["levels"].push_back(level.name);
   if (!options.layers.empty()) json["layers"] = options.layers;
   if (!options.layers.empty() && options.layer_scale != 1) json["layer_scale"] = options.layer_scale;
@@ -94,6 +110,8 @@ void run_build(Context& context, const BuildOptions& options) {
   BuildConfig config;
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
+  config.split = options.split;
+  config.rays = options.rays;
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_rbvh_output(context.output, context.force);
 
@@ -165,6 +183,11 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
   add_parsed(*stage, "--refinement", options->refinement, parse_refinement, "HOW",
              "what splits a node: area (projected area, default) or cone (cone of normals)");
+  add_parsed(*stage, "--split", options->split, parse_split, "HOW",
+             "where a node is split: median (of the longest axis, default) or sah (surface area heuristic)");
+  add_parsed(
+      *stage, "--rays", options->rays, parse_rays, "KIND",
+      "what tiles are sized for: coherent rays (default) or incoherent ones, which prefer smaller tiles");
   add_parsed(*stage, "--layer", options->layers, parse_layer_names, "NAME,NAME",
              "make layers of these properties of the scan's vertices");
   add_parsed(*stage, "--layer-scale", options->layer_scale, parse_layer_scale, "S",

@@ -116,17 +116,44 @@ typedef struct Run {
 RBVH_LAYOUT_SIZE(Run, 12);
 
 // Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
-// RBVH_SPLIT_FACING: those whose normal has a part along `direction`; RBVH_SPLIT_COUNT: the first half of them.
+// RBVH_SPLIT_FACING: those whose normal has a part along `direction`; RBVH_SPLIT_COUNT: the first half of them;
+// RBVH_SPLIT_OBJECT: those of the object `middle`.
 #define RBVH_SPLIT_PLANE 0u
 #define RBVH_SPLIT_FACING 1u
 #define RBVH_SPLIT_COUNT 2u
+#define RBVH_SPLIT_OBJECT 3u
 typedef struct Split {
   rbvh_u32 kind;
   float direction[3];  // RBVH_SPLIT_PLANE: the unit vector of an axis
   float position;
-  rbvh_u32 middle;  // RBVH_SPLIT_COUNT: the first reference of the right child
+  rbvh_u32 middle;  // RBVH_SPLIT_COUNT: the first reference of the right child; RBVH_SPLIT_OBJECT: an object's id
 } Split;
 RBVH_LAYOUT_SIZE(Split, 24);
+
+// The candidates for a node's split by surface area: along each axis RBVH_SAH_BINS - 1 planes at equal distances, bin i of
+// a primitive's box centre c being (c - lo) * scale.
+#define RBVH_SAH_BINS 33
+typedef struct SplitGrid {
+  float lo[3];
+  float scale[3];
+} SplitGrid;
+RBVH_LAYOUT_SIZE(SplitGrid, 24);
+
+// What lies between two of those planes.
+typedef struct SplitBin {
+  float lo[3];
+  float area;
+  float hi[3];
+  rbvh_u32 count;
+} SplitBin;
+RBVH_LAYOUT_SIZE(SplitBin, 32);
+
+// The objects of some primitives: the first two ids met, and 1, 2 or, for more, 3.
+typedef struct ObjectSet {
+  rbvh_u32 ids[2];
+  rbvh_u32 count;
+} ObjectSet;
+RBVH_LAYOUT_SIZE(ObjectSet, 12);
 
 // A node of the partition, as the search for a tile's guests reads it: references [begin, end).
 typedef struct PartitionBox {

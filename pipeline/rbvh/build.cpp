@@ -30,9 +30,6 @@ constexpr float kNoiseTexels = 0.1f;
 /// A leaf of no more primitives than this keeps them where its tile is faulty (and in fine levels of clouds).
 constexpr std::uint32_t kMostExact = 24;
 
-/// The paper's best tile resolution for coherent rays (section 3.4).
-float optimal_resolution(float rho) { return std::max(8.0f, 5.76f * std::log(rho) - 42.99f); }
-
 struct LevelRule {
   float rho = 0;  ///< per scan unit squared
   float alpha = 0;
@@ -40,6 +37,7 @@ struct LevelRule {
   float cone_cosine = -2;  ///< least; -2: the projected area decides
 
   bool wants_split(const PartitionNode& node) const {
+    if (node.objects.count == 2) return true;  // a tile of both would fuse them
     const float texels = rho * node.sums.area;
     if (tile_resolution(node, rho) > largest_tile) return true;
     if (node.count() <= kFloorPrimitives || texels <= kFloorTexels) return false;
@@ -117,6 +115,11 @@ Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const Ti
 
 }  // namespace
 
+float optimal_resolution(float rho, RaysKind rays) {
+  return std::max(
+      8.0f, rays == RaysKind::kCoherent ? 5.76f * std::log(rho) - 42.99f : 1.23f * std::log(rho) - 0.17f);
+}
+
 const std::vector<LevelConfig>& standard_levels() {
   static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45},
                                                   {"Q1", 1e6f, 0.80f, 50},
@@ -140,7 +143,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
   const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones);
+  Partition partition = make_root(primitives, cones, config.split);
   const float own_area = partition.nodes[0].sums.area;
   const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
@@ -153,7 +156,8 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
 
   std::vector<LevelRule> rules;
   for (const LevelConfig& level : config.levels)
-    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho),
+    rules.push_back({level.rho / area, level.alpha,
+                     config.tile_side > 0 ? config.tile_side : optimal_resolution(level.rho, config.rays),
                      cones ? std::cos(level.phi_degrees * std::numbers::pi_v<float> / 180) : -2.0f});
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& r) { return r.wants_split(node); });
@@ -190,7 +194,8 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
     // Splits for a level's own faults are made on a copy, so that no level depends on another.
     Partition own{.nodes = partition.nodes,
                   .references = Buffer<std::uint32_t>(device, primitives.count),
-                  .cones = false};
+                  .cones = false,
+                  .rule = config.split};
     own.references.copy_from(partition.references, primitives.count);
     while (!leaves.empty()) {
       const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
@@ -198,6 +203,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
       std::vector<SplitRequest> requests;
       for (Tile tile : done) {
         const PartitionNode& node = own.nodes[tile.node];
+        tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
         tile.is_exact = node.count() <= kMostExact && (tile.is_faulty || keeps_discs);
         if (tile.is_faulty && !tile.is_exact && node.count() > 1 &&
             (keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels)) {

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/progress.h"
 #include "pipeline/device/device.h"
+#include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/scan/scan.h"
 
@@ -24,10 +25,20 @@ const std::vector<LevelConfig>& standard_levels();
 
 enum class Refinement { kProjectedArea, kConeOfNormals };
 
+/// What the pair will be cast with most: sets the best side of a tile (section 3.4 of the paper).
+enum class RaysKind { kCoherent, kIncoherent };
+
+/// That side in texels: 5.76 ln rho - 42.99 for coherent rays, 1.23 ln rho - 0.17 for incoherent ones, at
+/// least 8. A node also splits while its tile would be larger.
+float optimal_resolution(float rho, RaysKind rays);
+
 struct BuildConfig {
   std::vector<LevelConfig> levels = standard_levels();
   Refinement refinement = Refinement::kProjectedArea;
-  double area = 0;  ///< that the levels' rho is for; 0: the scan's own
+  SplitRule split = SplitRule::kSpatialMedian;
+  RaysKind rays = RaysKind::kCoherent;
+  float tile_side = 0;  ///< the largest of a tile, texels; 0: optimal_resolution()
+  double area = 0;      ///< that the levels' rho is for; 0: the scan's own
 };
 
 /// What a build did, for reports: seconds by phase, summed over levels.
