@@ -29,6 +29,9 @@ struct BuildOptions {
   Refinement refinement = Refinement::kProjectedArea;
   SplitRule split = SplitRule::kSpatialMedian;
   RaysKind rays = RaysKind::kCoherent;
+  std::optional<Vec3d> focus, focus_camera;
+  std::optional<double> focus_radius;
+  std::string focus_level = "Q0";
   std::vector<std::string> layers;  // of the scan's vertex properties
   double layer_scale = 1;
   bool measure = false;
@@ -61,9 +64,39 @@ std::vector<LevelConfig> choose_level_configs(const std::vector<std::string>& na
   for (const std::string& name : names)
     if (std::none_of(chosen.begin(), chosen.end(),
                      [&](const LevelConfig& level) { return level.name == name; }))
-      throw Error(ExitCode::kUsage, "",
-                  "--levels: there is no level '" + name + "'; there are Q0, Q1, Q2, Q3 and Q4");
+      throw Error(ExitCode::kUsage, "", "there is no level '" + name + "'; there are Q0, Q1, Q2, Q3 and Q4");
   return chosen;
+}
+
+double parse_radius(std::string_view text) {
+  const double radius = parse_number(text);
+  if (!(radius > 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  return radius;
+}
+
+void check_focus(const BuildOptions& options) {
+  const auto refuse = [](const char* what) { throw Error(ExitCode::kUsage, "", what); };
+  if (options.focus && options.focus_camera) refuse("--focus and --focus-camera: one of them is wanted");
+  if (options.focus && !options.focus_radius) refuse("--focus: how far around it? Add --focus-radius");
+  if (options.focus_radius && !options.focus && !options.focus_camera)
+    refuse("--focus-radius: around what? Add --focus or --focus-camera");
+  choose_level_configs({options.focus_level});
+}
+
+/// Of a camera: the nearest that it sees has the focus level's quality.
+std::optional<Focus> make_focus(const BuildOptions& options, const Scan& scan) {
+  if (!options.focus && !options.focus_camera) return {};
+  Focus focus;
+  focus.center = Vec3f(options.focus ? *options.focus : *options.focus_camera);
+  focus.level = choose_level_configs({options.focus_level}).front();
+  if (options.focus_radius) {
+    focus.radius = static_cast<float>(*options.focus_radius);
+    return focus;
+  }
+  float nearest = std::numeric_limits<float>::infinity();
+  for (const Vec3f& p : scan.positions) nearest = std::min(nearest, length(p - focus.center));
+  focus.radius = std::max(nearest, 1e-3f * bounds(scan).diagonal());
+  return focus;
 }
 
 Scan read_ingested(const std::string& path, std::string_view bytes) {
@@ -83,6 +116,12 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
   json["refinement"] = options.refinement == Refinement::kProjectedArea ? "area" : "cone";
   json["split"] = options.split == SplitRule::kSpatialMedian ? "median" : "sah";
   json["rays"] = options.rays == RaysKind::kCoherent ? "coherent" : "incoherent";
+  if (options.focus || options.focus_camera) {
+    const Vec3d at = options.focus ? *options.focus : *options.focus_camera;
+    json[options.focus ? "focus" : "focus_camera"] = {at.x, at.y, at.z};
+    if (options.focus_radius) json["focus_radius"] = *options.focus_radius;
+    json["focus_level"] = options.focus_level;
+  }
   for (const LevelConfig& level : levels) json["levels"].push_back(level.name);
   if (!options.layers.empty()) json["layers"] = options.layers;
   if (!options.layers.empty() && options.layer_scale != 1) json["layer_scale"] = options.layer_scale;
@@ -107,6 +146,7 @@ Scan measure_pair(Context& context, const Device& device, Rbvh& rbvh, Scan&& sca
 }
 
 void run_build(Context& context, const BuildOptions& options) {
+  check_focus(options);
   BuildConfig config;
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
@@ -129,6 +169,7 @@ void run_build(Context& context, const BuildOptions& options) {
                scan.positions.size() * kBytesPerVertex + primitives * kBytesPerPrimitive +
                    static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel,
                options.file, "building it");
+  config.focus = make_focus(options, scan);
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
@@ -188,6 +229,15 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(
       *stage, "--rays", options->rays, parse_rays, "KIND",
       "what tiles are sized for: coherent rays (default) or incoherent ones, which prefer smaller tiles");
+  add_parsed(*stage, "--focus", options->focus, parse_vec3, "x,y,z",
+             "a point of interest, in the scan's coordinates: every level is finer there");
+  add_parsed(
+      *stage, "--focus-radius", options->focus_radius, parse_radius, "R",
+      "within it quality is the focus level's; beyond, texels grow with the distance up to the level's own");
+  add_parsed(*stage, "--focus-level", options->focus_level, parse_layer_name, "Q0",
+             "the quality there (default: Q0)");
+  add_parsed(*stage, "--focus-camera", options->focus_camera, parse_vec3, "x,y,z",
+             "the same seen from a camera: what is nearest to it has the focus level's quality");
   add_parsed(*stage, "--layer", options->layers, parse_layer_names, "NAME,NAME",
              "make layers of these properties of the scan's vertices");
   add_parsed(*stage, "--layer-scale", options->layer_scale, parse_layer_scale, "S",

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include "pipeline/base/error.h"
@@ -30,29 +31,46 @@ constexpr float kNoiseTexels = 0.1f;
 /// A leaf of no more primitives than this keeps them where its tile is faulty (and in fine levels of clouds).
 constexpr std::uint32_t kMostExact = 24;
 
+/// Where the focus asks for texels so different within one node, it is split.
+constexpr float kMostRhoRange = 4;
+
 struct LevelRule {
-  float rho = 0;  ///< per scan unit squared
-  float alpha = 0;
-  float largest_tile = 0;
-  float cone_cosine = -2;  ///< least; -2: the projected area decides
+  LevelConfig level;
+  const BuildConfig* config = nullptr;
+  float area = 1;  ///< that rho is for, scan units squared
+
+  LevelConfig quality(const PartitionNode& node) const {
+    if (!config->focus) return level;
+    return quality_at(level, &*config->focus, distances(node.bounds(), config->focus->center).nearest);
+  }
+  /// Per scan unit squared.
+  float rho(const PartitionNode& node) const { return quality(node).rho / area; }
 
   bool wants_split(const PartitionNode& node) const {
     if (node.objects.count == 2) return true;  // a tile of both would fuse them
-    const float texels = rho * node.sums.area;
-    if (tile_resolution(node, rho) > largest_tile) return true;
+    const LevelConfig here = quality(node);
+    const float texels = here.rho / area * node.sums.area;
+    const float largest_tile =
+        config->tile_side > 0 ? config->tile_side : optimal_resolution(here.rho, config->rays);
+    if (tile_resolution(node, here.rho / area) > largest_tile) return true;
     if (node.count() <= kFloorPrimitives || texels <= kFloorTexels) return false;
-    if (cone_cosine > -2) return node.cone_cosine < cone_cosine;
-    return node.projected_area() < alpha * node.sums.area;
+    if (config->focus) {
+      const float farthest = distances(node.bounds(), config->focus->center).farthest;
+      if (here.rho > kMostRhoRange * quality_at(level, &*config->focus, farthest).rho) return true;
+    }
+    if (config->refinement == Refinement::kConeOfNormals)
+      return node.cone_cosine < std::cos(here.phi_degrees * std::numbers::pi_v<float> / 180);
+    return node.projected_area() < here.alpha * node.sums.area;
   }
 };
 
-RasterConfig raster_config(const LevelRule& rule, const Primitives& primitives, bool keeps_discs) {
-  RasterConfig raster{.rho = rule.rho};
+RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs) {
+  RasterConfig raster{.rho = rho};
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
   } else if (primitives.discs) {
     // A cloud's noise is of the order of its discs: closer than that, nothing is a layer or a step.
-    const float noise = primitives.mean_radius * std::sqrt(rule.rho);
+    const float noise = primitives.mean_radius * std::sqrt(rho);
     raster.layer_gap = std::max(raster.layer_gap, noise);
     raster.step_limit = std::max(raster.step_limit, noise);
   }
@@ -155,10 +173,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   lap(time.upload);
 
   std::vector<LevelRule> rules;
-  for (const LevelConfig& level : config.levels)
-    rules.push_back({level.rho / area, level.alpha,
-                     config.tile_side > 0 ? config.tile_side : optimal_resolution(level.rho, config.rays),
-                     cones ? std::cos(level.phi_degrees * std::numbers::pi_v<float> / 180) : -2.0f});
+  for (const LevelConfig& level : config.levels) rules.push_back({level, &config, area});
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& r) { return r.wants_split(node); });
   };
@@ -190,7 +205,6 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
     // Where texels are finer than a cloud's discs, the discs themselves are as few bytes, and exact.
     const bool keeps_discs =
         primitives.discs && config.levels[i].rho >= 2 * static_cast<float>(primitives.count);
-    const RasterConfig raster = raster_config(rule, primitives, keeps_discs);
     // Splits for a level's own faults are made on a copy, so that no level depends on another.
     Partition own{.nodes = partition.nodes,
                   .references = Buffer<std::uint32_t>(device, primitives.count),
@@ -198,7 +212,15 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
                   .rule = config.split};
     own.references.copy_from(partition.references, primitives.count);
     while (!leaves.empty()) {
-      const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
+      // Those of equal quality together: without a focus, all.
+      std::map<float, std::vector<std::uint32_t>> by_rho;
+      for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
+      std::vector<Tile> done;
+      for (const auto& [rho, group] : by_rho) {
+        const std::vector<Tile> some =
+            rasterize_tiles(primitives, own, group, raster_config(rho, primitives, keeps_discs), texels);
+        done.insert(done.end(), some.begin(), some.end());
+      }
       lap(time.rasterize);
       std::vector<SplitRequest> requests;
       for (Tile tile : done) {
@@ -206,7 +228,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
         tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
         tile.is_exact = node.count() <= kMostExact && (tile.is_faulty || keeps_discs);
         if (tile.is_faulty && !tile.is_exact && node.count() > 1 &&
-            (keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels)) {
+            (keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels)) {
           requests.push_back({tile.node, tile.has_back, tile.w});
           continue;
         }

@@ -1,27 +1,18 @@
 // From a scan to a rasterized BVH: partition, tiles, atlas, one full rebuild per level.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "pipeline/base/progress.h"
 #include "pipeline/device/device.h"
+#include "pipeline/rbvh/focus.h"
 #include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/scan/scan.h"
 
 namespace rbvh {
-
-/// One quality level's parameters (the paper's table 2).
-struct LevelConfig {
-  std::string name;
-  float rho;          ///< texels per unit of normalised area
-  float alpha;        ///< least projected area over area
-  float phi_degrees;  ///< widest half-angle of the cone of normals
-};
-
-/// Q0 (finest) to Q4.
-const std::vector<LevelConfig>& standard_levels();
 
 enum class Refinement { kProjectedArea, kConeOfNormals };
 
@@ -37,6 +28,7 @@ struct BuildConfig {
   Refinement refinement = Refinement::kProjectedArea;
   SplitRule split = SplitRule::kSpatialMedian;
   RaysKind rays = RaysKind::kCoherent;
+  std::optional<Focus> focus = std::nullopt;
   float tile_side = 0;  ///< the largest of a tile, texels; 0: optimal_resolution()
   double area = 0;      ///< that the levels' rho is for; 0: the scan's own
 };
