@@ -35,6 +35,7 @@ struct BuildOptions {
   std::vector<std::string> layers;  // of the scan's vertex properties
   double layer_scale = 1;
   bool measure = false;
+  ViewsConfig views;
 };
 
 Refinement parse_refinement(std::string_view text) {
@@ -129,13 +130,14 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
 }
 
 // Fills in the levels' fidelity; gives the scan back.
-Scan measure_pair(Context& context, const Device& device, Rbvh& rbvh, Scan&& scan) {
+Scan measure_pair(Context& context, const Device& device, const ViewsConfig& views, Rbvh& rbvh, Scan&& scan) {
   Subject exact, pair;
   exact.bounds = pair.bounds = bounds(scan);
   exact.is_cloud = pair.is_cloud = scan.is_cloud();
   exact.content = std::move(scan);
   pair.content = std::move(rbvh);
   MeasureConfig config;
+  config.views = views;
   config.images = config.distances = true;
   const std::vector<LevelMeasure> measures =
       measure_levels(context, device, pair, exact, choose_levels(pair, {"all"}), config);
@@ -183,7 +185,7 @@ void run_build(Context& context, const BuildOptions& options) {
   const double layer_seconds = watch.lap();
   double measure_seconds = 0;
   if (options.measure) {
-    scan = measure_pair(context, device, rbvh, std::move(scan));
+    scan = measure_pair(context, device, options.views, rbvh, std::move(scan));
     measure_seconds = watch.lap();
   }
   rbvh.build_options = options_json(options, config.levels).dump();
@@ -245,6 +247,7 @@ void add_build(CLI::App& app, Context& context) {
   stage->add_flag(
       "--measure", options->measure,
       "compare each level with the scan in 8 views and store what is found (see validate --against)");
+  add_views_options(*stage, options->views);
 }
 
 }  // namespace rbvh

@@ -1,6 +1,7 @@
 // rbvh lod: a smaller pair of a pair, by levels, bytes or error.
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <optional>
 
 #include "cli/common.h"
@@ -18,6 +19,7 @@ struct LodOptions {
   std::vector<std::string> levels, dropped;
   std::optional<std::uint64_t> most_bytes;
   std::optional<double> most_error;  // percent of the diagonal
+  ViewsConfig views;
 };
 
 double parse_percent(std::string_view text) {
@@ -134,6 +136,7 @@ class Lod {
     exact.is_cloud = scan.is_cloud();
     exact.content = std::move(scan);
     MeasureConfig config;
+    config.views = options_.views;
     config.images = config.distances = true;
     for (const LevelMeasure& m : measure_levels(context_, device(), pair_, exact, levels, config))
       for (Level& level : rbvh.levels)
@@ -163,24 +166,32 @@ class Lod {
   RbvhBytes write_within(Rbvh& rbvh) {
     const std::uint64_t most = *options_.most_bytes;
     RbvhBytes all = write_rbvh(context_.output, rbvh, context_.force, 0);  // measures, writes nothing
-    const auto smallest = [&] { return *std::min_element(all.levels.begin(), all.levels.end()); };
-    if (options_.levels.empty() && !options_.most_error && smallest() >= most) {
+    const auto smallest = [&] {
+      // With what a pair has beside its levels.
+      const std::uint64_t own = std::accumulate(all.levels.begin(), all.levels.end(), std::uint64_t{0});
+      return *std::min_element(all.levels.begin(), all.levels.end()) + all.hierarchy + all.atlas - own;
+    };
+    if (options_.levels.empty() && !options_.most_error && smallest() > most) {
       derive(rbvh, derivable(rbvh, rbvh.levels.back()));
       all = write_rbvh(context_.output, rbvh, context_.force, 0);
     }
+    // What is not any level's own (names, headers) is known only of a whole pair: where it does not fit, the
+    // next set that takes less is tried.
     const std::vector<Level> levels = std::move(rbvh.levels);
-    // What is not any level's own (names, headers) is known only of a whole pair: less room until it fits.
     for (std::uint64_t room = most;;) {
+      std::uint64_t taken = 0;
       rbvh.levels.clear();
-      for (const std::size_t i : choose_levels_by_bytes(all.levels, room)) rbvh.levels.push_back(levels[i]);
+      for (const std::size_t i : choose_levels_by_bytes(all.levels, room)) {
+        rbvh.levels.push_back(levels[i]);
+        taken += all.levels[i];
+      }
       if (rbvh.levels.empty())
         throw Error(
             ExitCode::kBudget, options_.file,
             "no level fits into " + format_bytes(most) + "; the smallest takes " + format_bytes(smallest()));
       const RbvhBytes bytes = write_rbvh(context_.output, rbvh, context_.force, most);
-      const std::uint64_t total = bytes.hierarchy + bytes.atlas;
-      if (total <= most) return bytes;
-      room -= std::min(room, total - most);
+      if (bytes.hierarchy + bytes.atlas <= most) return bytes;
+      room = taken - 1;
     }
   }
 
@@ -224,6 +235,7 @@ void add_lod(CLI::App& app, Context& context) {
              "within; as build --measure stored it, or see --against");
   stage->add_option("--against", options->against, "the scan: measures the levels that were not measured yet")
       ->type_name("SCAN");
+  add_views_options(*stage, options->views);
 }
 
 }  // namespace rbvh

@@ -17,6 +17,13 @@ namespace {
 constexpr std::size_t kDistanceSamples = 200'000;
 constexpr double kControlOffset = 0.25;  // where in the pixel, both ways; the pictures' own rays are at 0.5
 
+std::uint32_t parse_side(std::string_view text) {
+  const std::int64_t side = parse_integer(text);
+  if (side < 16 || side > 16384)
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
+  return static_cast<std::uint32_t>(side);
+}
+
 void add(ImageError& sum, const ImageError& error, double weight) {
   sum.rmse += error.rmse * weight;
   sum.psnr += error.psnr * weight;
@@ -72,6 +79,12 @@ void measure_distances(Context& context, const Subject& pair, const Scan& scan,
 }
 
 }  // namespace
+
+void add_views_options(CLI::App& stage, ViewsConfig& views) {
+  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)");
+  add_parsed(stage, "--resolution", views.resolution, parse_side, "N",
+             "pixels of such a view, both ways (default: 1024)");
+}
 
 void move_to_shift(Scan& scan, const Vec3d& shift) {
   if (scan.shift == shift) return;

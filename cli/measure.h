@@ -29,6 +29,9 @@ struct LevelMeasure {
   double texel = 0;                      ///< mean side, scan units
 };
 
+/// --views and --resolution.
+void add_views_options(CLI::App& stage, ViewsConfig& views);
+
 /// Into the pair's coordinates, where the scan was read with another shift: an ingested scan's own may differ
 /// from that of the file it came from.
 void move_to_shift(Scan& scan, const Vec3d& shift);

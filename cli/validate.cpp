@@ -26,13 +26,6 @@ struct ValidateOptions {
   bool as_json = false;
 };
 
-std::uint32_t parse_side(std::string_view text) {
-  const std::int64_t side = parse_integer(text);
-  if (side < 16 || side > 16384)
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
-  return static_cast<std::uint32_t>(side);
-}
-
 Json pair_json(const Rbvh& rbvh) {
   std::uint64_t leaves = 0, texels = 0;
   for (const Level& level : rbvh.levels) {
@@ -248,9 +241,7 @@ void add_validate(CLI::App& app, Context& context) {
                    "the scan: casts the same rays at both, from views around the object")
       ->type_name("SCAN");
   add_level_option(*stage, options->levels, true);
-  add_parsed(*stage, "--views", options->views.views, parse_positive, "N", "how many views (default: 8)");
-  add_parsed(*stage, "--resolution", options->views.resolution, parse_side, "N",
-             "pixels of a view, both ways (default: 1024)");
+  add_views_options(*stage, options->views);
   stage
       ->add_option("--pictures", options->pictures,
                    "a folder for pictures of the differences, <level>-<view>.png")

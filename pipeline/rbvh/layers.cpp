@@ -309,6 +309,26 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
   return values;
 }
 
+std::vector<float> sample_layer_at_hits(const Level& level, const Layer& layer, std::span<const Hit> hits) {
+  RBVH_CHECK(layer.name != "height");
+  const std::size_t width = sample_width(layer);
+  std::vector<float> values(hits.size() * width, kNone);
+  parallel_for(hits.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    std::vector<float> sum(width);
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!std::isfinite(hits[i].t)) continue;
+      const RbvhLeaf& leaf = level.leaves[hits[i].leaf];
+      std::fill(sum.begin(), sum.end(), 0.0f);
+      const Quad quad = LayerGrid(level, layer, hits[i].leaf)
+                            .quad(hits[i].u * static_cast<float>(leaf.width - 1),
+                                  hits[i].v * static_cast<float>(leaf.height - 1));
+      const float weight = add_quad(level, layer, quad, 1, sum);
+      for (std::size_t c = 0; c < width && weight > 0; ++c) values[i * width + c] = sum[c] / weight;
+    }
+  });
+  return values;
+}
+
 PaintCounts paint_layer(const PointIndex& index, const Level& level, Layer& layer,
                         std::span<const Vec3f> points, std::span<const float> values, float radius,
                         float most) {

@@ -49,6 +49,9 @@ std::size_t sample_width(const Layer& layer);
 std::vector<float> sample_layer(const PointIndex& index, const Level& level, const Layer& layer,
                                 std::span<const Vec3f> points, float most);
 
+/// The same at the places that rays hit, from the tile that was hit alone; a miss is NaN.
+std::vector<float> sample_layer_at_hits(const Level& level, const Layer& layer, std::span<const Hit> hits);
+
 struct PaintCounts {
   std::uint64_t points_missed = 0;  ///< that lie on no surface
   std::uint64_t texels = 0;         ///< written

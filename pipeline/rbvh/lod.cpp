@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/layers.h"
 #include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
 
@@ -134,6 +135,27 @@ void add_exact(const Level& level, bool is_cloud, SurfaceScan& surface) {
     }
 }
 
+/// What the user wrote on the finer level, read at the derived levels' texels.
+void carry_layers(const Device& device, const Level& from, std::vector<Level>& derived) {
+  const auto is_users = [](const Layer& layer) { return !is_standard_layer(layer.name); };
+  if (std::none_of(from.layers.begin(), from.layers.end(), is_users)) return;
+  const PointIndex index = make_point_index(device, from);
+  for (const Layer& layer : from.layers) {
+    if (!is_users(layer)) continue;
+    double own = 0, heights = 0;
+    for (std::size_t i = 0; i < from.leaves.size(); ++i) {
+      own += layer_tile(from, layer, i).width - 1;
+      heights += from.leaves[i].width - 1;
+    }
+    for (Level& level : derived) {
+      Layer& to = level.layers.emplace_back(make_layer(level, layer.name, layer.channels, own / heights));
+      const LayerPoints points = layer_points(level, to);
+      const auto reach = static_cast<float>(2 * texel_side(level));
+      set_values(to, points.texels, sample_layer(index, from, layer, points.points, reach));
+    }
+  }
+}
+
 }  // namespace
 
 Scan scan_of_level(const Level& level, bool is_cloud) {
@@ -157,6 +179,7 @@ std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const L
   config.area = rbvh.source.area;
   std::vector<Level> derived = build_rbvh(device, scan, config, progress).levels;
   for (Level& level : derived) level.derived_from = from.name;
+  carry_layers(device, from, derived);
   return derived;
 }
 

@@ -20,7 +20,7 @@ Scan scan_of_level(const Level& level, bool is_cloud);
 
 /// Builds levels from the surface of `from` as build_rbvh() builds them from a scan. (Mip levels of its tiles
 /// would leave a coarse level the fine one's many leaves: section 3.5 of the paper calls a rebuild better.)
-/// They say that they are derived, and are not measured.
+/// They say that they are derived, are not measured, and have the user's layers, too.
 std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const Level& from,
                                  const std::vector<LevelConfig>& levels, const Progress& progress = {});
 

@@ -207,6 +207,20 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
   return samples;
 }
 
+std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width, float lo, float hi) {
+  RBVH_CHECK(width > 0);
+  std::vector<Vec3f> colors(values.size() / width, kClay);
+  const auto share = [&](float value) {
+    return hi > lo ? std::clamp((value - lo) / (hi - lo), 0.0f, 1.0f) : 0;
+  };
+  for (std::size_t i = 0; i < colors.size(); ++i) {
+    const float* v = values.data() + i * width;
+    if (std::isnan(v[0])) continue;
+    colors[i] = width < 3 ? ramp(share(v[0])) : Vec3f{share(v[0]), share(v[1]), share(v[2])};
+  }
+  return colors;
+}
+
 Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up) {
   const std::size_t width = rays.width, height = rays.height;
   RBVH_CHECK(hits.size() == width * height && surface.normals.size() == hits.size());
