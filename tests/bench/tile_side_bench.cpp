@@ -1,0 +1,152 @@
+// The experiment of the paper's figure 4 (section 3.4): how large should tiles be? For each pixel-to-area
+// ratio levels with tiles of no more than so many texels a side are traced; the sides within 2% of the best
+// rate make an interval, and a logarithm is fitted to the intervals' midpoints. Writes figures down; passes
+// and fails nothing.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "io/scan_io.h"
+#include "pipeline/base/error.h"
+#include "pipeline/exact/trace_exact.h"
+#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/render/camera.h"
+#include "tests/bench/bench_rays.h"
+
+namespace rbvh::bench {
+namespace {
+
+constexpr float kSides[] = {6, 8, 11, 16, 22, 32, 45, 64, 90, 128, 180};
+constexpr float kPeakShare = 0.98f;
+constexpr const char* kKinds[] = {"coherent", "incoherent"};
+
+struct Options {
+  std::string scan, device;
+  int rounds = 9;
+  std::uint32_t resolution = 1024;
+  SplitRule split = SplitRule::kSpatialMedian;
+};
+
+struct Trial {
+  RbvhTracer tracer;
+  double side = 0;  ///< mean of the tiles': the root of their mean texels
+  std::size_t leaves = 0;
+  double best[2] = {1e30, 1e30};  ///< seconds, of the rounds
+};
+
+double seconds_of(const Device& device, const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  device.finish();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// a ln(x) + b through the points, least squares.
+std::pair<double, double> fit_logarithm(const std::vector<std::pair<double, double>>& points) {
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (const auto& [rho, side] : points) {
+    const double l = std::log(rho);
+    n += 1, x += l, y += side, xx += l * l, xy += l * side;
+  }
+  const double a = (n * xy - x * y) / (n * xx - x * x);
+  return {a, (y - a * x) / n};
+}
+
+void run(const Options& options) {
+  const Device device = Device::open(options.device);
+  Scan scan = shift_to_float(read_scan(options.scan));
+  const Bounds3f box = bounds(scan);
+  const Camera camera = views_around(Bounds3d{Vec3d(box.lo), Vec3d(box.hi)}, {0, 1, 0}, 8, 1)[0];
+  const CameraRays primary = camera_rays(camera, options.resolution, options.resolution);
+  const std::size_t pixels = std::size_t{options.resolution} * options.resolution;
+  const Buffer<Hit> hits(device, pixels);
+
+  // One bounce from the exact surface: the same rays for all.
+  std::vector<Ray> diffuse;
+  {
+    const std::vector<Ray> first = primary_rays(primary);
+    const ExactTracer exact = make_exact_tracer(device, scan, {});
+    trace_rays(exact, Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
+    diffuse = diffuse_rays(first, hits.read(), 1e-3f * box.diagonal(), 1);
+  }
+  const Buffer<Ray> diffuse_buffer(device, diffuse);
+  const Buffer<Hit> diffuse_hits(device, diffuse.size());
+
+  std::printf(
+      "| rho | largest side | mean side | leaves | primary [Mrays/s] | diffuse [Mrays/s] |\n"
+      "| --- | --- | --- | --- | --- | --- |\n");
+  std::vector<std::pair<double, double>> middles[2];
+  for (const LevelConfig& level : standard_levels()) {
+    std::vector<Trial> trials;
+    for (const float side : kSides) {
+      BuildConfig config;
+      config.levels = {level};
+      config.split = options.split;
+      config.tile_side = side;
+      const Level built = std::move(build_rbvh(device, scan, config).levels[0]);
+      double texels = 0;
+      for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
+      if (!trials.empty() && trials.back().leaves == built.leaves.size()) break;  // no tile is that large
+      trials.push_back({make_rbvh_tracer(device, built),
+                        std::sqrt(texels / static_cast<double>(built.leaves.size())), built.leaves.size()});
+    }
+    for (int round = 0; round <= options.rounds; ++round)
+      for (Trial& trial : trials) {
+        const double seconds[2] = {
+            seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
+              trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
+            })};
+        if (round == 0) continue;  // compiles, warms
+        for (int kind = 0; kind < 2; ++kind) trial.best[kind] = std::min(trial.best[kind], seconds[kind]);
+      }
+    for (std::size_t i = 0; i < trials.size(); ++i)
+      std::printf("| %.0f | %.0f | %.1f | %zu | %.2f | %.2f |\n", static_cast<double>(level.rho),
+                  static_cast<double>(kSides[i]), trials[i].side, trials[i].leaves,
+                  static_cast<double>(pixels) / trials[i].best[0] / 1e6,
+                  static_cast<double>(diffuse.size()) / trials[i].best[1] / 1e6);
+    for (int kind = 0; kind < 2; ++kind) {
+      double peak = 1e30, lo = 1e30, hi = 0;
+      for (const Trial& trial : trials) peak = std::min(peak, trial.best[kind]);
+      for (std::size_t i = 0; i < trials.size(); ++i) {
+        if (trials[i].best[kind] * static_cast<double>(kPeakShare) > peak) continue;
+        lo = std::min(lo, static_cast<double>(kSides[i]));
+        hi = std::max(hi, static_cast<double>(kSides[i]));
+      }
+      middles[kind].emplace_back(level.rho, (lo + hi) / 2);
+    }
+    std::fflush(stdout);
+  }
+  std::printf("\n| rays | rho: best largest side (middle of the interval) | fit |\n| --- | --- | --- |\n");
+  for (int kind = 0; kind < 2; ++kind) {
+    std::printf("| %s | ", kKinds[kind]);
+    for (const auto& [rho, side] : middles[kind]) std::printf("%.0fk: %.0f; ", rho / 1000, side);
+    const auto [a, b] = fit_logarithm(middles[kind]);
+    std::printf("| %.2f ln rho %+.2f |\n", a, b);
+  }
+}
+
+}  // namespace
+}  // namespace rbvh::bench
+
+int main(int argc, char** argv) {
+  rbvh::bench::Options options;
+  bool sah = false;
+  CLI::App app("How large tiles should be: the experiment of the paper's figure 4.");
+  app.add_option("SCAN", options.scan, "a scan, as ingest writes it")->required();
+  app.add_option("--device", options.device, "OpenCL device");
+  app.add_option("--rounds", options.rounds, "repetitions, all sides in turn (the best counts)");
+  app.add_option("--resolution", options.resolution, "pixels both ways, a multiple of 8");
+  app.add_flag("--sah", sah, "split by the surface area heuristic");
+  CLI11_PARSE(app, argc, argv);
+  if (sah) options.split = rbvh::SplitRule::kSurfaceArea;
+  try {
+    rbvh::bench::run(options);
+  } catch (const rbvh::Error& error) {
+    std::fprintf(stderr, "tile_side_bench: %s\n", error.what());
+    return static_cast<int>(error.code());
+  }
+  return 0;
+}
