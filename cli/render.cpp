@@ -134,7 +134,7 @@ class Renderer {
     if (subject.rbvh() && !options_.compared.empty())
       throw Error(ExitCode::kUsage, path, "--compare is for scans; this is a pair");
     for (const ExactConfig& config : configs_) check_exact_options(options_.exact, config, subject);
-    const std::vector<std::string> levels = choose_levels(subject, options_.levels);
+    const std::vector<std::string> levels = choose_levels(subject, options_.levels, true);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
     for (const std::string& level : levels) {
@@ -197,7 +197,7 @@ class Renderer {
       timings_.trace += watch.lap();
       counts_.rays += hits.size();
       if (is_shaded) {
-        SurfaceSamples surface = subject.rbvh() ? sample_surface(*subject.rbvh()->find_level(level), hits)
+        SurfaceSamples surface = subject.rbvh() ? sample_pair(*subject.rbvh(), level, caster, hits)
                                                 : sample_surface(*subject.scan(), normals, hits);
         if (!options_.color_layer.empty()) color_by_layer(subject, level, hits, surface);
         const Vec3d up = options_.camera.up.value_or(subject.up_axis());

@@ -1,8 +1,10 @@
 // The experiment of the paper's figure 4 (section 3.4): how large should tiles be? For each pixel-to-area
-// ratio levels with tiles of no more than so many texels a side are traced; the sides within 2% of the best
-// rate make an interval, and a logarithm is fitted to the intervals' midpoints. Writes figures down; passes
-// and fails nothing.
+// ratio levels with tiles of no more than so many texels a side are traced; the mean sides within 2% of the
+// best rate make an interval, and a logarithm is fitted to the intervals' midpoints. Writes figures down;
+// passes and fails nothing.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -20,7 +22,7 @@ namespace rbvh::bench {
 namespace {
 
 constexpr float kSides[] = {6, 8, 11, 16, 22, 32, 45, 64, 90, 128, 180};
-constexpr float kPeakShare = 0.98f;
+constexpr double kPeakShare = 0.98;
 constexpr const char* kKinds[] = {"coherent", "incoherent"};
 
 struct Options {
@@ -34,7 +36,9 @@ struct Trial {
   RbvhTracer tracer;
   double side = 0;  ///< mean of the tiles': the root of their mean texels
   std::size_t leaves = 0;
-  double best[2] = {1e30, 1e30};  ///< seconds, of the rounds
+  std::vector<double>
+      rates[2];  ///< against the last trial's, measured right before: other work on the machine cancels
+  double rate[2] = {0, 0};  ///< their medians
 };
 
 double seconds_of(const Device& device, const std::function<void()>& work) {
@@ -76,7 +80,7 @@ void run(const Options& options) {
   const Buffer<Hit> diffuse_hits(device, diffuse.size());
 
   std::printf(
-      "| rho | largest side | mean side | leaves | primary [Mrays/s] | diffuse [Mrays/s] |\n"
+      "| rho | largest side | mean side | leaves | primary | diffuse |\n"
       "| --- | --- | --- | --- | --- | --- |\n");
   std::vector<std::pair<double, double>> middles[2];
   for (const LevelConfig& level : standard_levels()) {
@@ -93,36 +97,43 @@ void run(const Options& options) {
       trials.push_back({make_rbvh_tracer(device, built),
                         std::sqrt(texels / static_cast<double>(built.leaves.size())), built.leaves.size()});
     }
+    const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
+      return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
+                trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
+              })};
+    };
     for (int round = 0; round <= options.rounds; ++round)
       for (Trial& trial : trials) {
-        const double seconds[2] = {
-            seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
-              trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
-            })};
-        if (round == 0) continue;  // compiles, warms
-        for (int kind = 0; kind < 2; ++kind) trial.best[kind] = std::min(trial.best[kind], seconds[kind]);
+        const std::array<double, 2> last = measure(trials.back()), own = measure(trial);
+        for (std::size_t kind = 0; kind < 2 && round > 0; ++kind)  // the first compiles, warms
+          trial.rates[kind].push_back(last[kind] / own[kind]);
+      }
+    for (Trial& trial : trials)
+      for (int kind = 0; kind < 2; ++kind) {
+        std::vector<double>& rates = trial.rates[kind];
+        std::nth_element(rates.begin(), rates.begin() + options.rounds / 2, rates.end());
+        trial.rate[kind] = rates[static_cast<std::size_t>(options.rounds / 2)];
       }
     for (std::size_t i = 0; i < trials.size(); ++i)
       std::printf("| %.0f | %.0f | %.1f | %zu | %.2f | %.2f |\n", static_cast<double>(level.rho),
-                  static_cast<double>(kSides[i]), trials[i].side, trials[i].leaves,
-                  static_cast<double>(pixels) / trials[i].best[0] / 1e6,
-                  static_cast<double>(diffuse.size()) / trials[i].best[1] / 1e6);
+                  static_cast<double>(kSides[i]), trials[i].side, trials[i].leaves, trials[i].rate[0],
+                  trials[i].rate[1]);
     for (int kind = 0; kind < 2; ++kind) {
-      double peak = 1e30, lo = 1e30, hi = 0;
-      for (const Trial& trial : trials) peak = std::min(peak, trial.best[kind]);
-      for (std::size_t i = 0; i < trials.size(); ++i) {
-        if (trials[i].best[kind] * static_cast<double>(kPeakShare) > peak) continue;
-        lo = std::min(lo, static_cast<double>(kSides[i]));
-        hi = std::max(hi, static_cast<double>(kSides[i]));
+      double peak = 0, lo = 1e30, hi = 0;
+      for (const Trial& trial : trials) peak = std::max(peak, trial.rate[kind]);
+      for (const Trial& trial : trials) {
+        if (trial.rate[kind] < kPeakShare * peak) continue;
+        lo = std::min(lo, trial.side);
+        hi = std::max(hi, trial.side);
       }
       middles[kind].emplace_back(level.rho, (lo + hi) / 2);
     }
     std::fflush(stdout);
   }
-  std::printf("\n| rays | rho: best largest side (middle of the interval) | fit |\n| --- | --- | --- |\n");
+  std::printf("\n| rays | rho: middle of the best mean sides | fit |\n| --- | --- | --- |\n");
   for (int kind = 0; kind < 2; ++kind) {
     std::printf("| %s | ", kKinds[kind]);
-    for (const auto& [rho, side] : middles[kind]) std::printf("%.0fk: %.0f; ", rho / 1000, side);
+    for (const auto& [rho, side] : middles[kind]) std::printf("%.0fk: %.1f; ", rho / 1000, side);
     const auto [a, b] = fit_logarithm(middles[kind]);
     std::printf("| %.2f ln rho %+.2f |\n", a, b);
   }
@@ -137,7 +148,7 @@ int main(int argc, char** argv) {
   CLI::App app("How large tiles should be: the experiment of the paper's figure 4.");
   app.add_option("SCAN", options.scan, "a scan, as ingest writes it")->required();
   app.add_option("--device", options.device, "OpenCL device");
-  app.add_option("--rounds", options.rounds, "repetitions, all sides in turn (the best counts)");
+  app.add_option("--rounds", options.rounds, "repetitions, all sides in turn (the median counts)");
   app.add_option("--resolution", options.resolution, "pixels both ways, a multiple of 8");
   app.add_flag("--sah", sah, "split by the surface area heuristic");
   CLI11_PARSE(app, argc, argv);

@@ -89,27 +89,27 @@ TEST_F(Detail, LodFitsIntoBytes) {
 }
 
 TEST_F(Detail, LodKeepsToAnError) {
-  good("build ball.ply -o plain.rbvh --levels Q1,Q3,Q4");
+  good("build ball.ply -o plain.rbvh --levels Q4");
   bad("lod plain.rbvh --max-error 1 -o x.rbvh", 3, "--measure");
   good("lod plain.rbvh --max-error 90 -o coarse.rbvh --against ball.ply --views 2 --resolution 128");
   EXPECT_EQ(levels("coarse.rbvh"), "Q4 ");
   EXPECT_TRUE(info("coarse.rbvh")["levels"][0]["fidelity"].contains("image"));
-  good("build ball.ply -o a.rbvh --levels Q1,Q3,Q4 --measure --views 2 --resolution 128");
+  good("build ball.ply -o a.rbvh --levels Q3,Q4 --measure --views 2 --resolution 128");
   const Json measured = info("a.rbvh")["levels"];
-  double error[3];
-  for (std::size_t i = 0; i < 3; ++i)
+  double error[2];
+  for (std::size_t i = 0; i < 2; ++i)
     error[i] = std::max(measured[i]["fidelity"]["level_to_scan"]["rms_percent"].get<double>(),
                         measured[i]["fidelity"]["scan_to_level"]["rms_percent"].get<double>());
-  EXPECT_LT(error[0], error[2]);
-  good("lod a.rbvh --max-error " + std::to_string(1.01 * error[1]) + " -o middle.rbvh");
+  EXPECT_LT(error[0], error[1]);
+  good("lod a.rbvh --max-error " + std::to_string(1.01 * error[0]) + " -o middle.rbvh");
   EXPECT_EQ(levels("middle.rbvh"), "Q3 ");
-  EXPECT_EQ(info("middle.rbvh")["levels"][0]["fidelity"], measured[1]["fidelity"])
+  EXPECT_EQ(info("middle.rbvh")["levels"][0]["fidelity"], measured[0]["fidelity"])
       << "what was measured stays";
   bad("lod a.rbvh --max-error " + std::to_string(0.5 * error[0]) + " -o x.rbvh", 5, "no level is within");
 }
 
 TEST_F(Detail, BuildMeasuresAndValidateHoldsItAgainst) {
-  good("build ball.ply -o a.rbvh --levels Q2,Q4 --measure --report r.json --views 2 --resolution 128");
+  good("build ball.ply -o a.rbvh --levels Q4 --measure --report r.json --views 2 --resolution 128");
   EXPECT_GT(Json::parse(read("r.json"))["levels"][0]["fidelity"]["image"]["ssim"], 0.5);
   const Json stored = info("a.rbvh")["levels"][0]["fidelity"];
   EXPECT_EQ(stored["views"], 2);
@@ -117,7 +117,7 @@ TEST_F(Detail, BuildMeasuresAndValidateHoldsItAgainst) {
   EXPECT_GT(stored["image_relative"], 0.0);
   EXPECT_NE(tool("info a.rbvh").out.find("of the control's; 2 views"), std::string::npos);
   const ToolRun same =
-      tool("validate a.rbvh --against ball.ply --level Q2 --json --progress none --views 2 --resolution 128");
+      tool("validate a.rbvh --against ball.ply --json --progress none --views 2 --resolution 128");
   EXPECT_EQ(same.code, 0) << same.err;
   EXPECT_EQ(same.err.find("warning"), std::string::npos) << same.err;
   const Json found = Json::parse(same.out)["fidelity"][0];
@@ -126,12 +126,11 @@ TEST_F(Detail, BuildMeasuresAndValidateHoldsItAgainst) {
   EXPECT_NEAR(found["image"]["rmse"].get<double>(), stored["image"]["rmse"].get<double>(), 1e-5);
   EXPECT_NEAR(found["image_relative"].get<double>(), stored["image_relative"].get<double>(), 1e-4);
   // Other views say nothing; another scan is told.
-  const ToolRun other =
-      tool("validate a.rbvh --against ball.ply --level Q2 --json --views 1 --resolution 64 -q");
+  const ToolRun other = tool("validate a.rbvh --against ball.ply --json --views 1 --resolution 64 -q");
   EXPECT_TRUE(Json::parse(other.out)["fidelity"][0]["as_stored"].is_null());
   write("rough.ply", ball_ply(7));
-  const ToolRun rough = tool(
-      "validate a.rbvh --against rough.ply --level Q2 --json --progress none --views 2 --resolution 128");
+  const ToolRun rough =
+      tool("validate a.rbvh --against rough.ply --json --progress none --views 2 --resolution 128");
   EXPECT_EQ(Json::parse(rough.out)["fidelity"][0]["as_stored"], false);
   EXPECT_NE(rough.err.find("where the file says"), std::string::npos) << rough.err;
 }
@@ -229,6 +228,26 @@ TEST_F(Detail, PropertiesOfTheScanBecomeLayers) {
   EXPECT_NE(layer["atlas"], info("b.rbvh")["levels"][0]["atlas"]);
   bad("build grid.ply -o x.rbvh --levels Q3 --layer cold", 2, "cold");
   bad("paint b.rbvh --layer cold --scan grid.ply -o x.rbvh", 2, "cold");
+}
+
+TEST_F(Detail, RaysChooseTheirLevelByTheirWidth) {
+  good("build ball.ply -o a.rbvh --levels Q1,Q4");
+  good("render a.rbvh --level auto -o '{level}.png' --resolution 32,32");
+  good("render a.rbvh --level Q4 -o '{level}.png' --resolution 32,32");
+  EXPECT_EQ(read("auto.png"), read("Q4.png")) << "a pixel covers many texels";
+  write_npy(path("rays.npy"), std::vector<float>{0, 0, 4, 0, 0, -2}, 6, false);
+  const std::size_t eight[] = {8};
+  const auto leaf = [&](const std::string& words) {
+    good("trace a.rbvh --rays rays.npy -f -o hits.npy " + words);
+    return read_npy(path("hits.npy"), eight).values[6];
+  };
+  const float fine = static_cast<float>(info("a.rbvh")["levels"][0]["leaves"].get<int>());
+  EXPECT_LT(leaf("--level auto --cone 0"), fine);
+  EXPECT_GE(leaf("--level auto --cone 20"), fine) << "leaves of all levels are numbered through";
+  bad("trace a.rbvh --rays rays.npy -o x.npy --level auto", 2, "--cone");
+  bad("trace a.rbvh --rays rays.npy -o x.npy --cone 1", 2, "--cone");
+  bad("sample a.rbvh --layer normal --points rays.npy -o x.npy --level auto", 3, "rays.npy");
+  bad("validate a.rbvh --against ball.ply --level auto", 2, "auto");
 }
 
 TEST_F(Detail, PartitionOptionsChangeThePair) {
