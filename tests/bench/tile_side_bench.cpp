@@ -94,8 +94,10 @@ void run(const Options& options) {
       double texels = 0;
       for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
       if (!trials.empty() && trials.back().leaves == built.leaves.size()) break;  // no tile is that large
-      trials.push_back({make_rbvh_tracer(device, built),
-                        std::sqrt(texels / static_cast<double>(built.leaves.size())), built.leaves.size()});
+      Trial& trial = trials.emplace_back();
+      trial.tracer = make_rbvh_tracer(device, built);
+      trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
+      trial.leaves = built.leaves.size();
     }
     const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
       return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
