@@ -108,7 +108,8 @@ void run_paint(Context& context, const PaintOptions& options) {
     counts.texels += painted.texels;
   }
   if (counts.points_missed > 0)
-    warn(context, options.points + ": " + std::to_string(counts.points_missed) +
+    warn(context, options.points + ": " + std::to_string(counts.points_missed) + " of " +
+                      std::to_string(paint.points.size()) +
                       " points are further from the surface than --reach; they paint nothing");
   const double paint_seconds = watch.lap();
   const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);

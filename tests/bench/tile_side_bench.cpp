@@ -30,6 +30,7 @@ struct Options {
   int rounds = 9;
   std::uint32_t resolution = 1024;
   SplitRule split = SplitRule::kSpatialMedian;
+  bool splits = false;  ///< table 1 instead
 };
 
 struct Trial {
@@ -46,6 +47,12 @@ double seconds_of(const Device& device, const std::function<void()>& work) {
   work();
   device.finish();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 /// a ln(x) + b through the points, least squares.
@@ -79,6 +86,62 @@ void run(const Options& options) {
   const Buffer<Ray> diffuse_buffer(device, diffuse);
   const Buffer<Hit> diffuse_hits(device, diffuse.size());
 
+  const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
+    return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
+              trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
+            })};
+  };
+  const auto measure_all = [&](std::vector<Trial>& trials, std::size_t reference) {
+    for (int round = 0; round <= options.rounds; ++round)
+      for (Trial& trial : trials) {
+        const std::array<double, 2> base = measure(trials[reference]), own = measure(trial);
+        for (std::size_t kind = 0; kind < 2 && round > 0; ++kind)  // the first compiles, warms
+          trial.rates[kind].push_back(base[kind] / own[kind]);
+      }
+    for (Trial& trial : trials)
+      for (int kind = 0; kind < 2; ++kind) trial.rate[kind] = median(trial.rates[kind]);
+  };
+  const auto build = [&](const BuildConfig& config, BuildTimings* timings) {
+    const Level built = std::move(build_rbvh(device, scan, config, {}, timings).levels[0]);
+    Trial trial;
+    double texels = 0;
+    for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
+    trial.tracer = make_rbvh_tracer(device, built);
+    trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
+    trial.leaves = built.leaves.size();
+    return trial;
+  };
+
+  if (options.splits) {
+    std::printf(
+        "| level | split | tiles for | nodes | partition [s] | build [s] | primary | diffuse |\n"
+        "| --- | --- | --- | --- | --- | --- | --- | --- |\n");
+    for (const std::size_t level : {0u, 2u, 4u}) {
+      std::vector<Trial> trials;
+      std::vector<std::array<double, 2>> seconds;
+      for (const RaysKind rays : {RaysKind::kCoherent, RaysKind::kIncoherent})
+        for (const SplitRule split : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea}) {
+          BuildConfig config;
+          config.levels = {standard_levels()[level]};
+          config.split = split;
+          config.rays = rays;
+          BuildTimings timings;
+          const auto start = std::chrono::steady_clock::now();
+          trials.push_back(build(config, &timings));
+          const std::chrono::duration<double> all = std::chrono::steady_clock::now() - start;
+          seconds.push_back({timings.partition, all.count()});
+        }
+      measure_all(trials, 0);
+      for (std::size_t i = 0; i < trials.size(); ++i)
+        std::printf("| %s | %s | %s | %zu | %.2f | %.2f | %.2f | %.2f |\n",
+                    standard_levels()[level].name.c_str(), i % 2 == 0 ? "median" : "sah", kKinds[i / 2],
+                    2 * trials[i].leaves - 1, seconds[i][0], seconds[i][1], trials[i].rate[0],
+                    trials[i].rate[1]);
+      std::fflush(stdout);
+    }
+    return;
+  }
+
   std::printf(
       "| rho | largest side | mean side | leaves | primary | diffuse |\n"
       "| --- | --- | --- | --- | --- | --- |\n");
@@ -90,32 +153,11 @@ void run(const Options& options) {
       config.levels = {level};
       config.split = options.split;
       config.tile_side = side;
-      const Level built = std::move(build_rbvh(device, scan, config).levels[0]);
-      double texels = 0;
-      for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
-      if (!trials.empty() && trials.back().leaves == built.leaves.size()) break;  // no tile is that large
-      Trial& trial = trials.emplace_back();
-      trial.tracer = make_rbvh_tracer(device, built);
-      trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
-      trial.leaves = built.leaves.size();
+      Trial trial = build(config, nullptr);
+      if (!trials.empty() && trials.back().leaves == trial.leaves) break;  // no tile is that large
+      trials.push_back(std::move(trial));
     }
-    const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
-      return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
-                trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
-              })};
-    };
-    for (int round = 0; round <= options.rounds; ++round)
-      for (Trial& trial : trials) {
-        const std::array<double, 2> last = measure(trials.back()), own = measure(trial);
-        for (std::size_t kind = 0; kind < 2 && round > 0; ++kind)  // the first compiles, warms
-          trial.rates[kind].push_back(last[kind] / own[kind]);
-      }
-    for (Trial& trial : trials)
-      for (int kind = 0; kind < 2; ++kind) {
-        std::vector<double>& rates = trial.rates[kind];
-        std::nth_element(rates.begin(), rates.begin() + options.rounds / 2, rates.end());
-        trial.rate[kind] = rates[static_cast<std::size_t>(options.rounds / 2)];
-      }
+    measure_all(trials, trials.size() - 1);
     for (std::size_t i = 0; i < trials.size(); ++i)
       std::printf("| %.0f | %.0f | %.1f | %zu | %.2f | %.2f |\n", static_cast<double>(level.rho),
                   static_cast<double>(kSides[i]), trials[i].side, trials[i].leaves, trials[i].rate[0],
@@ -152,6 +194,7 @@ int main(int argc, char** argv) {
   app.add_option("--device", options.device, "OpenCL device");
   app.add_option("--rounds", options.rounds, "repetitions, all sides in turn (the median counts)");
   app.add_option("--resolution", options.resolution, "pixels both ways, a multiple of 8");
+  app.add_flag("--splits", options.splits, "table 1 instead: spatial median against surface area heuristic");
   app.add_flag("--sah", sah, "split by the surface area heuristic");
   CLI11_PARSE(app, argc, argv);
   if (sah) options.split = rbvh::SplitRule::kSurfaceArea;
