@@ -34,6 +34,7 @@ struct BuildOptions {
   std::string focus_level = "Q0";
   std::vector<std::string> layers;  // of the scan's vertex properties
   double layer_scale = 1;
+  Hybrid hybrid = Hybrid::kAuto;
   bool measure = false;
   ViewsConfig views;
 };
@@ -54,6 +55,15 @@ RaysKind parse_rays(std::string_view text) {
   if (text == "coherent") return RaysKind::kCoherent;
   if (text == "incoherent") return RaysKind::kIncoherent;
   throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither coherent nor incoherent");
+}
+
+constexpr std::pair<std::string_view, Hybrid> kHybrids[] = {
+    {"off", Hybrid::kOff}, {"auto", Hybrid::kAuto}, {"always", Hybrid::kAlways}};
+
+Hybrid parse_hybrid(std::string_view text) {
+  for (const auto& [name, hybrid] : kHybrids)
+    if (name == text) return hybrid;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of off, auto and always");
 }
 
 // Finest first, whatever order they were asked for in.
@@ -123,6 +133,8 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
     if (options.focus_radius) json["focus_radius"] = *options.focus_radius;
     json["focus_level"] = options.focus_level;
   }
+  for (const auto& [name, hybrid] : kHybrids)
+    if (hybrid == options.hybrid) json["hybrid"] = name;
   for (const LevelConfig& level : levels) json["levels"].push_back(level.name);
   if (!options.layers.empty()) json["layers"] = options.layers;
   if (!options.layers.empty() && options.layer_scale != 1) json["layer_scale"] = options.layer_scale;
@@ -154,6 +166,7 @@ void run_build(Context& context, const BuildOptions& options) {
   config.refinement = options.refinement;
   config.split = options.split;
   config.rays = options.rays;
+  config.hybrid = options.hybrid;
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_rbvh_output(context.output, context.force);
 
@@ -244,6 +257,9 @@ void add_build(CLI::App& app, Context& context) {
              "make layers of these properties of the scan's vertices");
   add_parsed(*stage, "--layer-scale", options->layer_scale, parse_layer_scale, "S",
              "their texels to one of the heights', 0.0625 to 16 (default: 1)");
+  add_parsed(*stage, "--hybrid", options->hybrid, parse_hybrid, "WHEN",
+             "which leaves keep their triangles or discs: off (none), auto (where tiles are faulty or more "
+             "bytes, default), always");
   stage->add_flag(
       "--measure", options->measure,
       "compare each level with the scan in 8 views and store what is found (see validate --against)");

@@ -68,8 +68,21 @@ __kernel void point_query_find(__global const RbvhNode* nodes, __global const Rb
     hit.v = dot(row(leaf, 1), p) + leaf->to_tile[7];
     hit.distance = 0.0f;
     hit.covers = 0;
+    const uint first = exact_first[node->first];
     const int width = leaf->width, height = leaf->height;
-    if (hit.u >= 0.0f && hit.v >= 0.0f && hit.u <= (float)(width - 1) && hit.v <= (float)(height - 1)) {
+    if (first != 0xffffffffu) {
+      // Its surface is its primitives, whatever its texels show of them.
+      float least = INFINITY;
+      for (uint k = 0; k < leaf->primitives; ++k) {
+        if (!IN_BOUNDS(bounds, PRIMITIVES, first + k, 1)) return;
+        __global const float* s = primitives[first + k].shape;
+        const float away = discs ? disc_distance2(p, vload3(0, s), s[3], vload3(0, s + 4))
+                                 : triangle_distance2(p, vload3(0, s), vload3(1, s), vload3(2, s));
+        if (away < least) least = away;  // of a triangle without an area it is NaN
+      }
+      hit.distance = sqrt(least);
+      hit.covers = 1;
+    } else if (hit.u >= 0.0f && hit.v >= 0.0f && hit.u <= (float)(width - 1) && hit.v <= (float)(height - 1)) {
       const int x = min((int)hit.u, width - 2), y = min((int)hit.v, height - 2);
       const float fu = hit.u - (float)x, fv = hit.v - (float)y;
       const uint at = (leaf->y + (uint)y) * atlas_width + leaf->x + (uint)x;
@@ -83,17 +96,6 @@ __kernel void point_query_find(__global const RbvhNode* nodes, __global const Rb
         hit.covers = 1;
         const float w = dot(row(leaf, 2), p) + leaf->to_tile[11];
         hit.distance = (dot(weight, h) / sum - w) / length(row(leaf, 2));
-        const uint first = exact_first[node->first];
-        if (first != 0xffffffffu) {
-          float least = INFINITY;
-          for (uint k = 0; k < leaf->primitives; ++k) {
-            if (!IN_BOUNDS(bounds, PRIMITIVES, first + k, 1)) return;
-            __global const float* s = primitives[first + k].shape;
-            least = min(least, discs ? disc_distance2(p, vload3(0, s), s[3], vload3(0, s + 4))
-                                     : triangle_distance2(p, vload3(0, s), vload3(1, s), vload3(2, s)));
-          }
-          hit.distance = sqrt(least);
-        }
       }
     }
     if (radius == 0.0f && !hit.covers) continue;

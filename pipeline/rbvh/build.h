@@ -23,6 +23,10 @@ enum class RaysKind { kCoherent, kIncoherent };
 /// least 8. A node also splits while its tile would be larger.
 float optimal_resolution(float rho, RaysKind rays);
 
+/// Which leaves keep their primitives and are traced exactly. kOff: none. kAuto: of few primitives, where the
+/// tile would be faulty or the primitives are the fewer bytes. kAlways: all; tiles are split until all can.
+enum class Hybrid { kOff, kAuto, kAlways };
+
 struct BuildConfig {
   std::vector<LevelConfig> levels = standard_levels();
   Refinement refinement = Refinement::kProjectedArea;
@@ -31,6 +35,7 @@ struct BuildConfig {
   std::optional<Focus> focus = std::nullopt;
   float tile_side = 0;  ///< the largest of a tile, texels; 0: optimal_resolution()
   double area = 0;      ///< that the levels' rho is for; 0: the scan's own
+  Hybrid hybrid = Hybrid::kAuto;
 };
 
 /// What a build did, for reports: seconds by phase, summed over levels.

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::size_t kGrain = 1 << 12;
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNearestTexels = 4;
 constexpr float kMostCode = 65534;  // codes 1..65535
 
 float decode(const Layer& layer, std::uint16_t code) {
@@ -146,6 +147,31 @@ float add_quad(const Level& level, const Layer& layer, const Quad& quad, float w
     added += share;
   }
   return added;
+}
+
+/// Of a tile that has no value around (u, v), as one that keeps its primitives may: the nearest texel that
+/// has.
+Quad nearest_quad(const Level& level, const Layer& layer, std::uint32_t leaf, float u, float v) {
+  const LayerGrid grid(level, layer, leaf);
+  const float lu = std::clamp(u * grid.per_u, 0.0f, static_cast<float>(grid.tile.width - 1)),
+              lv = std::clamp(v * grid.per_v, 0.0f, static_cast<float>(grid.tile.height - 1));
+  Quad nearest;
+  float best = kNearestTexels * kNearestTexels;
+  std::vector<float> ignored(sample_width(layer));
+  for (int y = std::max(0, static_cast<int>(lv - kNearestTexels));
+       y < std::min<int>(grid.tile.height, static_cast<int>(lv + kNearestTexels) + 1); ++y)
+    for (int x = std::max(0, static_cast<int>(lu - kNearestTexels));
+         x < std::min<int>(grid.tile.width, static_cast<int>(lu + kNearestTexels) + 1); ++x) {
+      const float du = static_cast<float>(x) - lu, dv = static_cast<float>(y) - lv;
+      if (du * du + dv * dv >= best) continue;
+      Quad one;
+      one.texels[0] = grid.texel(x, y);
+      one.shares[0] = 1;
+      if (!(add_quad(level, layer, one, 1, ignored) > 0)) continue;
+      best = du * du + dv * dv;
+      nearest = one;
+    }
+  return nearest;
 }
 
 }  // namespace
@@ -290,7 +316,8 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
     for (std::size_t i = begin; i < end; ++i) {
       std::fill(sum.begin(), sum.end(), 0.0f);
       float weight = 0;
-      for (const Covering& c : covering(level, hits.of(i), most)) {
+      const std::vector<Covering> covers = covering(level, hits.of(i), most);
+      for (const Covering& c : covers) {
         if (layer.name == "height") {
           sum[0] += c.distance * c.weight;
           weight += c.weight;
@@ -298,6 +325,9 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
           weight += add_quad(level, layer, LayerGrid(level, layer, c.leaf).quad(c.u, c.v), c.weight, sum);
         }
       }
+      for (std::size_t k = 0; k < covers.size() && !(weight > 0); ++k)
+        weight += add_quad(level, layer, nearest_quad(level, layer, covers[k].leaf, covers[k].u, covers[k].v),
+                           1, sum);
       if (!(weight > 0)) continue;
       float* to = values.data() + i * width;
       for (std::size_t c = 0; c < width; ++c) to[c] = sum[c] / weight;

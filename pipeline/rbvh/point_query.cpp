@@ -12,7 +12,7 @@ namespace {
 /// Points on the device at once.
 constexpr std::size_t kBatch = std::size_t{1} << 20;
 /// A tile reaches no further past its leaf's box than this: RasterConfig's reach, and some room.
-constexpr double kRimTexels = 2;
+constexpr double kRimTexels = 3;
 /// Surfaces this much farther than the nearest one are others (texels).
 constexpr float kSameSurfaceTexels = 0.5f;
 constexpr float kReachTexels = 4;

@@ -79,7 +79,7 @@ TEST(PointQuery, NamesTheLeavesThatAWalkOverAllOfThemDoes) {
         if (node.count == 0) continue;
         const RbvhLeaf& leaf = level.leaves[node.first];
         const TileFrame frame(leaf);
-        const double rim = 2 * std::max(length(frame.u), length(frame.v));
+        const double rim = 3 * std::max(length(frame.u), length(frame.v));
         double away2 = 0;
         for (int axis = 0; axis < 3; ++axis) {
           const double p = points[i][axis];
@@ -94,6 +94,8 @@ TEST(PointQuery, NamesTheLeavesThatAWalkOverAllOfThemDoes) {
           continue;
         }
         if (away2 > radius * radius) continue;
+        const bool is_exact = std::any_of(level.exact_leaves.begin(), level.exact_leaves.end(),
+                                          [&](const RbvhExactLeaf& e) { return e.leaf == node.first; });
         bool covers = at.x >= 0 && at.y >= 0 && at.x <= leaf.width - 1 && at.y <= leaf.height - 1;
         if (covers) {
           const std::size_t x = std::min<std::size_t>(static_cast<std::size_t>(at.x), leaf.width - 2u),
@@ -102,7 +104,7 @@ TEST(PointQuery, NamesTheLeavesThatAWalkOverAllOfThemDoes) {
           covers = heights[texel] != 0 || heights[texel + 1] != 0 ||
                    heights[texel + level.atlas_width] != 0 || heights[texel + level.atlas_width + 1] != 0;
         }
-        if (covers || radius > 0) expected.push_back(node.first);
+        if (covers || is_exact || radius > 0) expected.push_back(node.first);
       }
       std::sort(found.begin(), found.end());
       std::sort(expected.begin(), expected.end());
