@@ -89,12 +89,12 @@ TEST_F(Detail, LodFitsIntoBytes) {
 }
 
 TEST_F(Detail, LodKeepsToAnError) {
-  good("build ball.ply -o plain.rbvh --levels Q4");
+  good("build ball.ply -o plain.rbvh --levels Q4 --hybrid off");
   bad("lod plain.rbvh --max-error 1 -o x.rbvh", 3, "--measure");
   good("lod plain.rbvh --max-error 90 -o coarse.rbvh --against ball.ply --views 2 --resolution 128");
   EXPECT_EQ(levels("coarse.rbvh"), "Q4 ");
   EXPECT_TRUE(info("coarse.rbvh")["levels"][0]["fidelity"].contains("image"));
-  good("build ball.ply -o a.rbvh --levels Q3,Q4 --measure --views 2 --resolution 128");
+  good("build ball.ply -o a.rbvh --levels Q3,Q4 --hybrid off --measure --views 2 --resolution 128");
   const Json measured = info("a.rbvh")["levels"];
   double error[2];
   for (std::size_t i = 0; i < 2; ++i)
@@ -109,7 +109,9 @@ TEST_F(Detail, LodKeepsToAnError) {
 }
 
 TEST_F(Detail, BuildMeasuresAndValidateHoldsItAgainst) {
-  good("build ball.ply -o a.rbvh --levels Q4 --measure --report r.json --views 2 --resolution 128");
+  good(
+      "build ball.ply -o a.rbvh --levels Q4 --hybrid off --measure --report r.json --views 2 --resolution "
+      "128");
   EXPECT_GT(Json::parse(read("r.json"))["levels"][0]["fidelity"]["image"]["ssim"], 0.5);
   const Json stored = info("a.rbvh")["levels"][0]["fidelity"];
   EXPECT_EQ(stored["views"], 2);
