@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint32_t kRunLength = 128;
 constexpr std::uint32_t kMaxSide = 4096;
-constexpr float kQuantaPerTexel = 512;
+constexpr float kQuantaPerTexel = 256;
 
 /// A right-handed frame with w along the area-weighted mean normal (the direction of largest projected area);
 /// for what has none, a closed crumb say, along the box's shortest side.
@@ -212,7 +212,7 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
              primitives.shape, discs, config.reach, config.layer_gap, keys, guest_keys);
     // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
     device.kernel("rasterize", "rasterize_merge")
-        .run(texel_count, 256, keys, guest_keys, static_cast<std::uint32_t>(texel_count), config.reach,
+        .run(tiles.size(), group, device_tiles, tile_count, keys, guest_keys, config.reach,
              primitives.discs ? 2 * config.reach : config.turn_reach,
              primitives.discs ? 2 * config.reach : config.open_reach);
   }
