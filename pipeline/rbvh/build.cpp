@@ -235,29 +235,27 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
                   .rule = config.split};
     own.references.copy_from(partition.references, primitives.count);
     for (bool is_first = true; !leaves.empty(); is_first = false) {
-      // Those of equal quality together: without a focus, all.
-      std::map<float, std::vector<std::uint32_t>> by_rho;
-      for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
-      std::vector<Tile> done;
-      for (const auto& [rho, group] : by_rho) {
-        const std::vector<Tile> some =
-            rasterize_tiles(primitives, own, group, raster_config(rho, primitives, keeps_discs), texels);
-        done.insert(done.end(), some.begin(), some.end());
-      }
-      lap(time.rasterize);
-      std::vector<SplitRequest> requests;
-      for (Tile tile : done) {
+      const auto is_final = [&](Tile& tile) {
         const PartitionNode& node = own.nodes[tile.node];
         tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
         tile.is_exact = keeps_primitives(config.hybrid, tile, keeps_discs);
         const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
-        if (!tile.is_exact && node.count() > 1 &&
-            (config.hybrid == Hybrid::kAlways || (tile.is_faulty && may_split))) {
-          requests.push_back({tile.node, tile.has_back, tile.w});
-          continue;
+        return tile.is_exact || node.count() == 1 ||
+               (config.hybrid != Hybrid::kAlways && !(tile.is_faulty && may_split));
+      };
+      // Those of equal quality together: without a focus, all.
+      std::map<float, std::vector<std::uint32_t>> by_rho;
+      for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
+      std::vector<SplitRequest> requests;
+      for (const auto& [rho, group] : by_rho)
+        for (const Tile& tile : rasterize_tiles(
+                 primitives, own, group, raster_config(rho, primitives, keeps_discs), is_final, texels)) {
+          if (tile.is_final)
+            tiles.push_back(tile);
+          else
+            requests.push_back({tile.node, tile.has_back, tile.w});
         }
-        tiles.push_back(tile);
-      }
+      lap(time.rasterize);
       if (is_first && !requests.empty()) sort_references(own, requests);
       split_once(own, primitives, requests);
       leaves.clear();

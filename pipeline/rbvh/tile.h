@@ -2,6 +2,7 @@
 // device.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "kernels/layout.h"
@@ -18,6 +19,7 @@ struct Tile {
   std::uint32_t texels_used = 0;
   std::size_t first_texel = 0;  ///< in TileTexels
   bool is_exact = false;        ///< keeps its primitives
+  bool is_final = false;        ///< else it has no texels yet, and is to be split
   bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
   bool has_back = false;        ///< part of it faces away: better split by facing, along w
   Vec3f w;                      ///< the tile's outside, unit
@@ -45,9 +47,11 @@ inline constexpr float kStepLimitTexels = 16;
 /// allowed to inflate it without bound.
 float tile_resolution(const PartitionNode& node, float rho);
 
-/// Rasterises the given nodes; texels are appended.
+/// Rasterises the given nodes. `is_final` is asked about each tile once its own primitives have shown its
+/// faults (node, size, primitives, faults and w are known) and may mark it exact; final tiles are completed,
+/// their texels appended. Returned: the final ones in the nodes' order, then the others.
 std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
                                   const std::vector<std::uint32_t>& nodes, const RasterConfig& config,
-                                  TileTexels& texels);
+                                  const std::function<bool(Tile&)>& is_final, TileTexels& texels);
 
 }  // namespace rbvh

@@ -5,6 +5,7 @@
 #include <limits>
 #include <set>
 
+#include "pipeline/rbvh/build.h"
 #include "tests/property.h"
 #include "tests/shapes.h"
 
@@ -172,6 +173,25 @@ TEST(Partition, WhatBelongsToTwoObjectsIsSplitByThem) {
         EXPECT_EQ(objects[references[i]], node.objects.ids[0]);
     }
   }
+}
+
+TEST(Partition, LeavesOfABuildKnowTheirObject) {
+  Scan scan;
+  add_plate(scan, 30, 0);
+  add_plate(scan, 30, 0.01f);
+  scan.object_ids.assign(scan.triangles.size(), 1);
+  std::fill(scan.object_ids.begin() + 1800, scan.object_ids.end(), 2);
+  BuildConfig config;
+  config.levels = {standard_levels().back()};
+  const Level level = std::move(build_rbvh(Device::open(), scan, config).levels[0]);
+  std::set<std::uint32_t> objects;
+  std::uint32_t primitives = 0;
+  for (const RbvhLeaf& leaf : level.leaves) {
+    objects.insert(leaf.object_id);
+    primitives += leaf.primitives;
+  }
+  EXPECT_EQ(objects, (std::set<std::uint32_t>{1, 2}));
+  EXPECT_EQ(primitives, 3600u) << "no leaf has both";
 }
 
 TEST(Partition, ThreeObjectsAreCountedAndSplitAsAny) {
