@@ -6,6 +6,7 @@
 #include <set>
 
 #include "cli/common.h"
+#include "cli/measure.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/rbvh_file.h"
@@ -72,15 +73,16 @@ Json level_json(const Level& level, std::uint64_t primitives) {
                {"bounds", bounds_json(level.bounds)},
                {"layers", Json::array()},
                {"fidelity", nullptr}};
-  for (const Layer& layer : level.layers)
-    json["layers"].push_back({{"name", layer.name}, {"channels", layer.channels}});
-  if (const LevelFidelity& f = level.fidelity; f.measured)
-    json["fidelity"] = {{"mask_mismatch_percent", float_json(f.mask_mismatch_percent)},
-                        {"median_dt", float_json(f.median_dt)},
-                        {"p99_dt", float_json(f.p99_dt)},
-                        {"holes", f.holes},
-                        {"leaks", f.leaks},
-                        {"walls", f.walls}};
+  for (const Layer& layer : level.layers) {
+    const auto [width, height] = atlas_size(level, layer);
+    json["layers"].push_back({{"name", layer.name},
+                              {"channels", layer.channels},
+                              {"atlas", {width, height}},
+                              {"lo", float_json(layer.lo)},
+                              {"hi", float_json(layer.hi)}});
+  }
+  json["derived_from"] = level.derived_from.empty() ? Json(nullptr) : Json(level.derived_from);
+  json["fidelity"] = fidelity_json(level.fidelity);
   return json;
 }
 
@@ -145,13 +147,28 @@ std::string pair_text(const Json& json) {
         each.is_null() ? "-" : fmt::format("{:.3g} B", each.get<double>()), layers);
   }
   for (const Json& level : json["levels"])
-    if (const Json& f = level["fidelity"]; !f.is_null())
-      text += string(level["name"]) + " against its source: mask mismatch " +
-              fmt::format(
-                  "{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {} holes, {} leaks, "
-                  "{} walls\n",
-                  f["mask_mismatch_percent"].get<double>(), f["median_dt"].get<double>(),
-                  f["p99_dt"].get<double>(), f["holes"].dump(), f["leaks"].dump(), f["walls"].dump());
+    if (!level["derived_from"].is_null())
+      text += string(level["name"]) + " is derived from " + string(level["derived_from"]) + "\n";
+  for (const Json& level : json["levels"]) {
+    const Json& f = level["fidelity"];
+    if (f.is_null()) continue;
+    const auto figure = [&](const char* pointer) { return f.at(Json::json_pointer(pointer)).get<double>(); };
+    text += string(level["name"]) + " against its source: mask mismatch " +
+            fmt::format(
+                "{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {} holes, {} leaks, "
+                "{} walls\n",
+                figure("/mask_mismatch_percent"), figure("/median_dt"), figure("/p99_dt"), f["holes"].dump(),
+                f["leaks"].dump(), f["walls"].dump());
+    if (f.contains("image"))
+      text += fmt::format(
+          "   surface distance {:.2g}% rms, {:.2g}% at most; normals {:.2g} degrees (p95 {:.2g}); image RMSE "
+          "{:.3g}, {} of the control's; {} views of {} x {}\n",
+          std::max(figure("/level_to_scan/rms_percent"), figure("/scan_to_level/rms_percent")),
+          std::max(figure("/level_to_scan/max_percent"), figure("/scan_to_level/max_percent")),
+          figure("/normal_degrees/median"), figure("/normal_degrees/p95"), figure("/image/rmse"),
+          f["image_relative"].is_null() ? "-" : fmt::format("{:.2f}", figure("/image_relative")),
+          f["views"].dump(), f["resolution"].dump(), f["resolution"].dump());
+  }
   return text;
 }
 

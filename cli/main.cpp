@@ -63,8 +63,11 @@ void flush_stdout() {
 void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_ingest(app, context);
   add_build(app, context);
+  add_lod(app, context);
   add_render(app, context);
   add_trace(app, context);
+  add_paint(app, context);
+  add_sample(app, context);
   add_info(app, context);
   add_validate(app, context);
   add_devices(app, context);

@@ -1,6 +1,11 @@
 #include "cli/measure.h"
 
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
 #include <filesystem>
+#include <limits>
+#include <tuple>
 
 #include "io/image.h"
 #include "pipeline/render/difference.h"
@@ -11,6 +16,13 @@ namespace {
 
 constexpr std::size_t kDistanceSamples = 200'000;
 constexpr double kControlOffset = 0.25;  // where in the pixel, both ways; the pictures' own rays are at 0.5
+
+std::uint32_t parse_side(std::string_view text) {
+  const std::int64_t side = parse_integer(text);
+  if (side < 16 || side > 16384)
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
+  return static_cast<std::uint32_t>(side);
+}
 
 void add(ImageError& sum, const ImageError& error, double weight) {
   sum.rmse += error.rmse * weight;
@@ -68,6 +80,19 @@ void measure_distances(Context& context, const Subject& pair, const Scan& scan,
 
 }  // namespace
 
+void add_views_options(CLI::App& stage, ViewsConfig& views) {
+  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)");
+  add_parsed(stage, "--resolution", views.resolution, parse_side, "N",
+             "pixels of such a view, both ways (default: 1024)");
+}
+
+void move_to_shift(Scan& scan, const Vec3d& shift) {
+  if (scan.shift == shift) return;
+  const Vec3d difference = scan.shift - shift;
+  for (Vec3f& p : scan.positions) p = Vec3f(Vec3d(p) + difference);
+  scan.shift = shift;
+}
+
 std::vector<LevelMeasure> measure_levels(Context& context, const Device& device, const Subject& pair,
                                          const Subject& exact, const std::vector<std::string>& levels,
                                          const MeasureConfig& config) {
@@ -105,7 +130,9 @@ std::vector<LevelMeasure> measure_levels(Context& context, const Device& device,
   return measures;
 }
 
-LevelFidelity stored_fidelity(const ViewsFidelity& views) {
+LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& config) {
+  const ViewsFidelity& views = measure.views;
+  const auto narrow = [](double value) { return static_cast<float>(value); };
   LevelFidelity f{};
   f.mask_mismatch_percent = static_cast<float>(views.all.mismatch_percent());
   f.median_dt = static_cast<float>(views.all.dt.median);
@@ -113,8 +140,98 @@ LevelFidelity stored_fidelity(const ViewsFidelity& views) {
   f.holes = static_cast<std::uint32_t>(views.worst_holes);
   f.leaks = static_cast<std::uint32_t>(views.worst_leaks);
   f.walls = static_cast<std::uint32_t>(views.worst_walls);
-  f.measured = true;
+  // No ray that hit both: nothing was measured that could be kept.
+  f.measured = !std::isnan(f.median_dt);
+  if (!f.measured) return f;
+  LevelMeasures& m = f.more;
+  m.silhouette_percent = narrow(views.all.silhouette_percent());
+  m.p999_dt = narrow(views.all.dt.p999);
+  m.median_normal = narrow(views.all.normal_degrees.median);
+  m.p95_normal = narrow(views.all.normal_degrees.p95);
+  m.image_rmse = narrow(measure.image.rmse);
+  m.image_psnr = narrow(measure.image.psnr);
+  m.image_ssim = narrow(measure.image.ssim);
+  m.control_rmse = narrow(measure.control.rmse);
+  m.control_psnr = narrow(measure.control.psnr);
+  m.control_ssim = narrow(measure.control.ssim);
+  m.to_scan_rms = narrow(measure.to_scan.rms / measure.diagonal);
+  m.to_scan_max = narrow(measure.to_scan.max / measure.diagonal);
+  m.to_level_rms = narrow(measure.to_level.rms / measure.diagonal);
+  m.to_level_max = narrow(measure.to_level.max / measure.diagonal);
+  m.texel = narrow(measure.texel / measure.diagonal);
+  m.views = static_cast<std::uint32_t>(config.views);
+  m.resolution = config.resolution;
   return f;
+}
+
+nlohmann::ordered_json fidelity_json(const LevelFidelity& f) {
+  if (!f.measured) return nullptr;
+  // The shortest decimal that is this float: 0.85, not 0.8500000238418579.
+  const auto number = [](float value) -> nlohmann::ordered_json {
+    if (!std::isfinite(value)) return nullptr;
+    return nlohmann::ordered_json::parse(fmt::format("{}", value), nullptr, false);
+  };
+  nlohmann::ordered_json json = {{"mask_mismatch_percent", number(f.mask_mismatch_percent)},
+                                 {"median_dt", number(f.median_dt)},
+                                 {"p99_dt", number(f.p99_dt)},
+                                 {"holes", f.holes},
+                                 {"leaks", f.leaks},
+                                 {"walls", f.walls}};
+  const LevelMeasures& m = f.more;
+  if (m.views == 0) return json;
+  const auto percent = [](float value) { return 100 * static_cast<double>(value); };
+  const auto texels = [&](float value) { return m.texel > 0 ? static_cast<double>(value / m.texel) : 0.0; };
+  const auto distance = [&](float rms, float max) {
+    return nlohmann::ordered_json{{"rms_percent", percent(rms)},
+                                  {"max_percent", percent(max)},
+                                  {"rms_texels", texels(rms)},
+                                  {"max_texels", texels(max)}};
+  };
+  const auto image = [&](float rmse, float psnr, float ssim) {
+    return nlohmann::ordered_json{{"rmse", number(rmse)}, {"psnr", number(psnr)}, {"ssim", number(ssim)}};
+  };
+  json["mismatch_at_silhouette_percent"] = number(m.silhouette_percent);
+  json["p999_dt"] = number(m.p999_dt);
+  json["normal_degrees"] = {{"median", number(m.median_normal)}, {"p95", number(m.p95_normal)}};
+  json["image"] = image(m.image_rmse, m.image_psnr, m.image_ssim);
+  json["image_control"] = image(m.control_rmse, m.control_psnr, m.control_ssim);
+  json["image_relative"] =
+      m.control_rmse > 0 ? nlohmann::ordered_json(m.image_rmse / m.control_rmse) : nullptr;
+  json["level_to_scan"] = distance(m.to_scan_rms, m.to_scan_max);
+  json["scan_to_level"] = distance(m.to_level_rms, m.to_level_max);
+  json["views"] = m.views;
+  json["resolution"] = m.resolution;
+  return json;
+}
+
+double error_percent(const LevelFidelity& f) {
+  if (!f.measured || f.more.views == 0) return std::numeric_limits<double>::quiet_NaN();
+  return 100 * static_cast<double>(std::max(f.more.to_scan_rms, f.more.to_level_rms));
+}
+
+std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found) {
+  const LevelMeasures &a = stored.more, &b = found.more;
+  const std::tuple<const char*, std::uint32_t, std::uint32_t> counts[] = {
+      {"holes", stored.holes, found.holes},
+      {"leaks", stored.leaks, found.leaks},
+      {"walls", stored.walls, found.walls}};
+  for (const auto& [name, was, is] : counts)
+    if (is > was + std::max(2u, was / 4)) return fmt::format("{} {}, where the file says {}", is, name, was);
+  struct Figure {
+    const char* name;
+    float was, is, scale;
+  };
+  const Figure figures[] = {
+      {"% mask mismatch", stored.mask_mismatch_percent, found.mask_mismatch_percent, 1},
+      {"of the diagonal as median |dt|", stored.median_dt, found.median_dt, 1},
+      {"of the diagonal as p99 of |dt|", stored.p99_dt, found.p99_dt, 1},
+      {"% of the diagonal from level to scan (rms)", a.to_scan_rms, b.to_scan_rms, 100},
+      {"% of the diagonal from scan to level (rms)", a.to_level_rms, b.to_level_rms, 100}};
+  for (const Figure& f : figures) {
+    if (f.is > 1.25f * f.was + 1e-6f)
+      return fmt::format("{:.3g} {}, where the file says {:.3g}", f.is * f.scale, f.name, f.was * f.scale);
+  }
+  return {};
 }
 
 }  // namespace rbvh

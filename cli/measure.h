@@ -29,12 +29,30 @@ struct LevelMeasure {
   double texel = 0;                      ///< mean side, scan units
 };
 
+/// --views and --resolution.
+void add_views_options(CLI::App& stage, ViewsConfig& views);
+
+/// Into the pair's coordinates, where the scan was read with another shift: an ingested scan's own may differ
+/// from that of the file it came from.
+void move_to_shift(Scan& scan, const Vec3d& shift);
+
 /// `levels` as of choose_levels(pair). Both subjects are in the same coordinates.
 std::vector<LevelMeasure> measure_levels(Context& context, const Device& device, const Subject& pair,
                                          const Subject& exact, const std::vector<std::string>& levels,
                                          const MeasureConfig& config);
 
-/// What a pair's file keeps of it.
-LevelFidelity stored_fidelity(const ViewsFidelity& views);
+/// What a pair's file keeps of it. Wants images and distances to have been measured.
+LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& views);
+
+/// As reports and `--json` have it.
+nlohmann::ordered_json fidelity_json(const LevelFidelity& fidelity);
+
+/// The larger of the two surface distances' RMS, in % of the diagonal: what `lod --max-error` means. NaN
+/// where it was not measured.
+double error_percent(const LevelFidelity& fidelity);
+
+/// A figure that is worse than the file says, in words ("3 holes, where the file says 0"), or nothing: beyond
+/// what another device's rounding could explain. Both measured, with the same views.
+std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found);
 
 }  // namespace rbvh

@@ -90,10 +90,13 @@ Vec3d parse_axis(std::string_view text) {
   refuse(text, "an axis (+X, -X, +Y, -Y, +Z or -Z)");
 }
 
-std::uint64_t parse_bytes(std::string_view text) {
+namespace {
+
+std::uint64_t parse_size(std::string_view text, bool decimal_with_b) {
   static const std::string wanted = "a size in bytes such as 1500000, 64K, 1.5G or 2GiB";
   std::string_view number = text;
-  if (!number.empty() && (number.back() == 'B' || number.back() == 'b')) number.remove_suffix(1);
+  const bool has_b = !number.empty() && (number.back() == 'B' || number.back() == 'b');
+  if (has_b) number.remove_suffix(1);
   const bool binary = number.size() > 1 && number.back() == 'i';
   if (binary) number.remove_suffix(1);
   double scale = 1;
@@ -101,7 +104,7 @@ std::uint64_t parse_bytes(std::string_view text) {
     const std::size_t unit = std::string_view("KMGT").find(
         static_cast<char>(std::toupper(static_cast<unsigned char>(number.back()))));
     if (unit != std::string_view::npos) {
-      scale = std::pow(1024.0, static_cast<double>(unit + 1));
+      scale = std::pow(has_b && !binary && decimal_with_b ? 1000.0 : 1024.0, static_cast<double>(unit + 1));
       number.remove_suffix(1);
     } else if (binary) {
       refuse(text, wanted);
@@ -112,6 +115,11 @@ std::uint64_t parse_bytes(std::string_view text) {
     refuse(text, wanted);
   return static_cast<std::uint64_t>(value * scale);
 }
+
+}  // namespace
+
+std::uint64_t parse_bytes(std::string_view text) { return parse_size(text, false); }
+std::uint64_t parse_file_size(std::string_view text) { return parse_size(text, true); }
 
 std::vector<std::string> parse_list(std::string_view text) {
   std::vector<std::string> list;

@@ -34,6 +34,10 @@ Vec3d parse_axis(std::string_view text);
 /// A number of bytes: "1500000", "64K", "1.5G", "2GiB"; units are powers of 1024.
 std::uint64_t parse_bytes(std::string_view text);
 
+/// The size of a file: as parse_bytes(), but with B after it a unit is a power of 1000, as files' sizes are
+/// printed: "2MB" is two million, "2M" and "2MiB" are 2097152.
+std::uint64_t parse_file_size(std::string_view text);
+
 /// "a,b,c": one word or more, none empty.
 std::vector<std::string> parse_list(std::string_view text);
 

@@ -6,11 +6,13 @@
 #include "cli/camera_options.h"
 #include "cli/common.h"
 #include "cli/exact_options.h"
+#include "cli/layer_options.h"
 #include "cli/name_template.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/image.h"
 #include "io/output_file.h"
+#include "pipeline/rbvh/layers.h"
 #include "pipeline/render/difference.h"
 #include "pipeline/render/shade.h"
 
@@ -25,7 +27,8 @@ struct RenderOptions {
   ExactOptions exact;
   std::vector<ExactTraversal> compared;  // none, or two tracers
   Aov aov = Aov::kShaded;
-  int samples = 0;  // 0: the AOV's default
+  std::string color_layer;  // empty: the surface's own colours
+  int samples = 0;          // 0: the AOV's default
 };
 
 Aov parse_aov(std::string_view text) {
@@ -131,7 +134,7 @@ class Renderer {
     if (subject.rbvh() && !options_.compared.empty())
       throw Error(ExitCode::kUsage, path, "--compare is for scans; this is a pair");
     for (const ExactConfig& config : configs_) check_exact_options(options_.exact, config, subject);
-    const std::vector<std::string> levels = choose_levels(subject, options_.levels);
+    const std::vector<std::string> levels = choose_levels(subject, options_.levels, true);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
     for (const std::string& level : levels) {
@@ -194,9 +197,9 @@ class Renderer {
       timings_.trace += watch.lap();
       counts_.rays += hits.size();
       if (is_shaded) {
-        const SurfaceSamples surface = subject.rbvh()
-                                           ? sample_surface(*subject.rbvh()->find_level(level), hits)
-                                           : sample_surface(*subject.scan(), normals, hits);
+        SurfaceSamples surface = subject.rbvh() ? sample_pair(*subject.rbvh(), level, caster, hits)
+                                                : sample_surface(*subject.scan(), normals, hits);
+        if (!options_.color_layer.empty()) color_by_layer(subject, level, hits, surface);
         const Vec3d up = options_.camera.up.value_or(subject.up_axis());
         add(sum, shade(rays, hits, surface, static_cast<Vec3f>(up)), 1 / static_cast<float>(samples));
       } else {
@@ -207,6 +210,17 @@ class Renderer {
       timings_.shade += watch.lap();
     }
     return sum;
+  }
+
+  void color_by_layer(const Subject& subject, const std::string& name, const std::vector<Hit>& hits,
+                      SurfaceSamples& surface) const {
+    const Level* level = subject.rbvh() ? subject.rbvh()->find_level(name) : nullptr;
+    const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
+    if (!layer || is_standard_layer(layer->name))
+      throw Error(ExitCode::kUsage, subject.path,
+                  "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
+    surface.colors =
+        value_colors(sample_layer_at_hits(*level, *layer, hits), sample_width(*layer), layer->lo, layer->hi);
   }
 
   // Where two tracers' hits of the same rays differ.
@@ -290,6 +304,8 @@ void add_render(CLI::App& app, Context& context) {
       ->excludes("--tracer");
   add_parsed(*stage, "--samples", options->samples, parse_samples, "N",
              "rays a pixel of a shaded picture (default: 4); 1 is the pixel's centre");
+  add_parsed(*stage, "--color-layer", options->color_layer, parse_layer_name, "NAME",
+             "shades a pair in the colours of a layer of your own: from dark blue (least) to yellow (most)");
   add_camera_options(*stage, options->camera);
 }
 

@@ -11,7 +11,10 @@ struct Context;
 
 void add_ingest(CLI::App& app, Context& context);
 void add_build(CLI::App& app, Context& context);
+void add_lod(CLI::App& app, Context& context);
 void add_render(CLI::App& app, Context& context);
+void add_paint(CLI::App& app, Context& context);
+void add_sample(CLI::App& app, Context& context);
 void add_trace(CLI::App& app, Context& context);
 void add_info(CLI::App& app, Context& context);
 void add_validate(CLI::App& app, Context& context);

@@ -3,6 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -74,12 +75,14 @@ Subject load_subject(Context& context, const std::string& path) {
   return subject;
 }
 
-std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted) {
+std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
+                                       bool has_auto) {
   const Rbvh* rbvh = subject.rbvh();
   if (!rbvh) return {"exact"};
   std::vector<std::string> present;
   for (const Level& level : rbvh->levels) present.push_back(level.name);
   if (wanted.empty()) return {present.front()};
+  if (has_auto && wanted.size() == 1 && wanted[0] == "auto") return wanted;
   std::vector<std::string> chosen;
   const auto choose = [&](const std::string& name) {
     if (std::find(chosen.begin(), chosen.end(), name) == chosen.end()) chosen.push_back(name);
@@ -101,6 +104,8 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
   std::uint64_t leaves = 0;
   if (const Scan* scan = subject.scan())
     leaves = scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
+  else if (level == "auto")
+    for (const Level& each : subject.rbvh()->levels) leaves += each.leaves.size();
   else
     leaves = level_of(subject, level).leaves.size();
   if (leaves > kMostNumbers)
@@ -110,9 +115,37 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
 }
 
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
-                   const ExactConfig& exact) {
+                   const ExactConfig& exact, float spread) {
+  if (subject.rbvh() && level == "auto") return make_footprint_tracer(device, *subject.rbvh(), spread);
   if (subject.rbvh()) return make_rbvh_tracer(device, level_of(subject, level));
   return make_exact_tracer(device, *subject.scan(), exact);
+}
+
+SurfaceSamples sample_pair(const Rbvh& rbvh, const std::string& level, const Caster& caster,
+                           std::span<const Hit> hits) {
+  const auto* footprint = std::get_if<FootprintTracer>(&caster);
+  if (footprint == nullptr) return sample_surface(*rbvh.find_level(level), hits);
+  // Level by level, with the others' hits taken for misses.
+  SurfaceSamples all;
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
+    std::vector<Hit> own(hits.begin(), hits.end());
+    for (Hit& hit : own) {
+      const bool is_own = hit.leaf != RBVH_NO_LEAF && level_of_leaf(*footprint, hit.leaf) == i;
+      if (is_own)
+        hit.leaf -= footprint->first_leaf[i];
+      else
+        hit.t = std::numeric_limits<float>::infinity();
+    }
+    const SurfaceSamples some = sample_surface(rbvh.levels[i], own);
+    all.normals.resize(hits.size());
+    if (!some.colors.empty()) all.colors.resize(hits.size());
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      if (!std::isfinite(own[k].t)) continue;
+      all.normals[k] = some.normals[k];
+      if (!some.colors.empty()) all.colors[k] = some.colors[k];
+    }
+  }
+  return all;
 }
 
 std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
@@ -167,7 +200,9 @@ void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool se
           for (const std::string& name : parse_list(word)) levels.push_back(name);
         if (!several && levels.size() > 1) throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
       },
-      several ? "levels to show, or all (default: the finest)" : "the level to use (default: the finest)");
+      several ? "levels to show, or all; of render also auto: for each ray the coarsest whose texels a pixel "
+                "covers (default: the finest)"
+              : "the level to use (default: the finest)");
   option->type_name("Q0")->allow_extra_args(false);
 }
 

@@ -11,7 +11,9 @@
 #include "cli/common.h"
 #include "pipeline/exact/trace_exact.h"
 #include "pipeline/rbvh/rbvh.h"
+#include "pipeline/rbvh/trace_footprint.h"
 #include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/render/shade.h"
 #include "pipeline/scan/scan.h"
 
 namespace rbvh {
@@ -39,18 +41,25 @@ Subject load_subject(Context& context, const std::string& path);
 Scan load_exact_scan(Context& context, const std::string& path);
 
 /// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact".
-/// Throws Error(kUsage) for a level that is not there.
-std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted);
+/// Throws Error(kUsage) for a level that is not there. With `has_auto`, "auto" (alone) is one: each ray sees
+/// the level that its footprint asks for.
+std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
+                                       bool has_auto = false);
 
 /// Throws Error(kInput) where leaves or primitives are more than a float32 can number, as trace and `leaf`
 /// pictures do.
 void check_leaf_numbers(const Subject& subject, const std::string& level);
 
-using Caster = std::variant<RbvhTracer, ExactTracer>;
+using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer>;
 
-/// `level` is one of choose_levels(); `exact` is how a scan is cast.
+/// `level` is one of choose_levels(); `exact` is how a scan is cast; `spread`: of "auto", see
+/// FootprintTracer.
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
-                   const ExactConfig& exact = {});
+                   const ExactConfig& exact = {}, float spread = 0);
+
+/// The pair's surface at the hits of such a caster.
+SurfaceSamples sample_pair(const Rbvh& rbvh, const std::string& level, const Caster& caster,
+                           std::span<const Hit> hits);
 
 /// Casts a camera's rays in bands that fit the device: width * height hits, row by row; as many steps where
 /// asked for.

@@ -1,6 +1,7 @@
 // rbvh trace: casts the rays of a .npy file and writes what they hit.
 #include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "cli/common.h"
 #include "cli/exact_options.h"
@@ -18,10 +19,18 @@ constexpr std::size_t kBatch = std::size_t{1} << 21;  // rays on the device at o
 // Squared lengths outside these would overflow or vanish in the kernels' own arithmetic.
 constexpr float kLeastSquare = 1e-20f, kMostSquare = 1e20f;
 
+double parse_cone(std::string_view text) {
+  const double angle = parse_number(text);
+  if (!(angle >= 0 && angle < 180))
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 0 and 180 degrees");
+  return angle;
+}
+
 struct TraceOptions {
   std::string file, rays;
   std::vector<std::string> levels;
   ExactOptions exact;
+  std::optional<double> cone;  // degrees
   bool any = false;
 };
 
@@ -71,14 +80,18 @@ void run_trace(Context& context, const TraceOptions& options) {
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
   check_exact_options(options.exact, exact, subject);
-  const std::string level = choose_levels(subject, options.levels).front();
+  const std::string level = choose_levels(subject, options.levels, true).front();
+  if ((level == "auto") != options.cone.has_value() && subject.rbvh())
+    throw Error(ExitCode::kUsage, "", "--level auto and --cone go together");
   check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,
                "its rays and hits");
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
-  const Caster caster = make_caster(device, subject, level, exact);
+  const Caster caster =
+      make_caster(device, subject, level, exact,
+                  static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360)));
   device.finish();
   const double upload_seconds = watch.lap();
 
@@ -150,6 +163,9 @@ void add_trace(CLI::App& app, Context& context) {
       ->type_name("FILE");
   stage->add_flag("--any", options->any, "any hit instead of the nearest: faster, for visibility");
   add_level_option(*stage, options->levels, false);
+  add_parsed(*stage, "--cone", options->cone, parse_cone, "DEG",
+             "with --level auto: how wide rays are, full angle; each sees the coarsest level whose texels it "
+             "covers");
   add_exact_options(*stage, options->exact);
 }
 

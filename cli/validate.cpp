@@ -26,13 +26,6 @@ struct ValidateOptions {
   bool as_json = false;
 };
 
-std::uint32_t parse_side(std::string_view text) {
-  const std::int64_t side = parse_integer(text);
-  if (side < 16 || side > 16384)
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
-  return static_cast<std::uint32_t>(side);
-}
-
 Json pair_json(const Rbvh& rbvh) {
   std::uint64_t leaves = 0, texels = 0;
   for (const Level& level : rbvh.levels) {
@@ -40,15 +33,6 @@ Json pair_json(const Rbvh& rbvh) {
     texels += std::uint64_t{level.atlas_width} * level.atlas_height;
   }
   return {{"kind", "rbvh"}, {"levels", rbvh.levels.size()}, {"leaves", leaves}, {"texels", texels}};
-}
-
-// Into the pair's coordinates, where the scan was read with another shift: an ingested scan's own may differ
-// from that of the file it came from.
-void move_to_shift(Scan& scan, const Vec3d& shift) {
-  if (scan.shift == shift) return;
-  const Vec3d difference = scan.shift - shift;
-  for (Vec3f& p : scan.positions) p = Vec3f(Vec3d(p) + difference);
-  scan.shift = shift;
 }
 
 void make_folder(const std::string& path) {
@@ -70,7 +54,7 @@ Json distance_json(const DistanceStatistics& d, const LevelMeasure& m) {
           {"max_texels", d.max / m.texel}};
 }
 
-Json fidelity_json(const LevelMeasure& m) {
+Json measure_json(const LevelMeasure& m) {
   const HitFidelity& all = m.views.all;
   Json views = Json::array();
   for (const HitFidelity& view : m.views.views)
@@ -94,9 +78,25 @@ Json fidelity_json(const LevelMeasure& m) {
           {"normal_degrees", distribution_json(all.normal_degrees)},
           {"image", image_json(m.image)},
           {"image_control", image_json(m.control)},
+          {"image_relative", m.control.rmse > 0 ? Json(m.image.rmse / m.control.rmse) : Json(nullptr)},
           {"level_to_scan", distance_json(m.to_scan, m)},
           {"scan_to_level", distance_json(m.to_level, m)},
           {"views", std::move(views)}};
+}
+
+// What the file says of itself stands beside what was found; a warning where it promised more.
+void compare_with_stored(Context& context, const std::string& path, const Level& level, const LevelMeasure& m,
+                         const ViewsConfig& views, Json& json) {
+  json["stored"] = fidelity_json(level.fidelity);
+  json["as_stored"] = nullptr;  // only what was measured in the same way can be compared
+  const LevelMeasures& stored = level.fidelity.more;
+  if (stored.views != static_cast<std::uint32_t>(views.views) || stored.resolution != views.resolution)
+    return;
+  const std::string difference = find_difference(level.fidelity, stored_fidelity(m, views));
+  json["as_stored"] = difference.empty();
+  if (!difference.empty())
+    warn(context,
+         path + ": " + level.name + " has " + difference + "; was it measured against another scan?");
 }
 
 Json measure(Context& context, const ValidateOptions& options, const Subject& pair) {
@@ -121,8 +121,11 @@ Json measure(Context& context, const ValidateOptions& options, const Subject& pa
   if (!config.pictures.empty()) make_folder(config.pictures);
   Json list = Json::array();
   const Device device = Device::open(context.device);
-  for (const LevelMeasure& m : measure_levels(context, device, pair, exact, levels, config))
-    list.push_back(fidelity_json(m));
+  for (const LevelMeasure& m : measure_levels(context, device, pair, exact, levels, config)) {
+    Json json = measure_json(m);
+    compare_with_stored(context, pair.path, *pair.rbvh()->find_level(m.level), m, config.views, json);
+    list.push_back(std::move(json));
+  }
   return list;
 }
 
@@ -144,6 +147,7 @@ std::string fidelity_text(const Json& list) {
       {"  p95", "/normal_degrees/p95", "{:.2f}"},
       {"image RMSE", "/image/rmse", "{:.4f}"},
       {"  control: exact, jittered", "/image_control/rmse", "{:.4f}"},
+      {"  over the control's", "/image_relative", "{:.2f}"},
       {"image PSNR, dB", "/image/psnr", "{:.1f}"},
       {"  control", "/image_control/psnr", "{:.1f}"},
       {"image SSIM", "/image/ssim", "{:.4f}"},
@@ -162,7 +166,8 @@ std::string fidelity_text(const Json& list) {
     text += fmt::format("{:<36}", row.name);
     for (const Json& f : list) {
       const Json& value = f.at(Json::json_pointer(row.pointer));
-      const std::string shown = value.is_number_integer()
+      const std::string shown = value.is_null() ? "-"
+                                : value.is_number_integer()
                                     ? value.dump()
                                     : fmt::format(fmt::runtime(row.format), value.get<double>());
       text += fmt::format("{:>10}", shown);
@@ -236,9 +241,7 @@ void add_validate(CLI::App& app, Context& context) {
                    "the scan: casts the same rays at both, from views around the object")
       ->type_name("SCAN");
   add_level_option(*stage, options->levels, true);
-  add_parsed(*stage, "--views", options->views.views, parse_positive, "N", "how many views (default: 8)");
-  add_parsed(*stage, "--resolution", options->views.resolution, parse_side, "N",
-             "pixels of a view, both ways (default: 1024)");
+  add_views_options(*stage, options->views);
   stage
       ->add_option("--pictures", options->pictures,
                    "a folder for pictures of the differences, <level>-<view>.png")

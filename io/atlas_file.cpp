@@ -28,10 +28,11 @@ std::uint32_t tiff_tile(std::uint32_t size) {
 std::string subimage_name(const Level& level, const Layer& layer) { return level.name + "." + layer.name; }
 
 OIIO::ImageSpec make_spec(const Level& level, const Layer& layer) {
-  OIIO::ImageSpec spec(static_cast<int>(level.atlas_width), static_cast<int>(level.atlas_height),
-                       static_cast<int>(layer.channels), OIIO::TypeUInt16);
-  spec.tile_width = static_cast<int>(tiff_tile(level.atlas_width));
-  spec.tile_height = static_cast<int>(tiff_tile(level.atlas_height));
+  const auto [width, height] = atlas_size(level, layer);
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), static_cast<int>(layer.channels),
+                       OIIO::TypeUInt16);
+  spec.tile_width = static_cast<int>(tiff_tile(width));
+  spec.tile_height = static_cast<int>(tiff_tile(height));
   spec.alpha_channel = -1;  // no channel multiplies another
   spec.attribute("compression", "zip:" + std::to_string(kZipLevel));
   spec.attribute("tiff:Predictor", kPredictorHorizontal);
@@ -45,16 +46,17 @@ OIIO::ImageSpec make_spec(const Level& level, const Layer& layer) {
 // Tile by tile from a buffer of our own: OpenImageIO pads the tiles at the rim with what its buffer held
 // before.
 bool write_layer(OIIO::ImageOutput& out, const Level& level, const Layer& layer) {
-  const std::uint32_t tile_width = tiff_tile(level.atlas_width), tile_height = tiff_tile(level.atlas_height);
+  const auto [width, height] = atlas_size(level, layer);
+  const std::uint32_t tile_width = tiff_tile(width), tile_height = tiff_tile(height);
   const std::size_t channels = layer.channels;
   std::vector<std::uint16_t> tile(channels * tile_width * tile_height);
-  for (std::uint32_t y = 0; y < level.atlas_height; y += tile_height)
-    for (std::uint32_t x = 0; x < level.atlas_width; x += tile_width) {
+  for (std::uint32_t y = 0; y < height; y += tile_height)
+    for (std::uint32_t x = 0; x < width; x += tile_width) {
       std::fill(tile.begin(), tile.end(), std::uint16_t{0});
-      const std::size_t columns = std::min(tile_width, level.atlas_width - x);
-      const std::uint32_t rows = std::min(tile_height, level.atlas_height - y);
+      const std::size_t columns = std::min(tile_width, width - x);
+      const std::uint32_t rows = std::min(tile_height, height - y);
       for (std::size_t row = 0; row < rows; ++row)
-        std::copy_n(layer.texels.data() + ((y + row) * level.atlas_width + x) * channels, columns * channels,
+        std::copy_n(layer.texels.data() + ((y + row) * width + x) * channels, columns * channels,
                     tile.data() + row * tile_width * channels);
       if (!out.write_tile(static_cast<int>(x), static_cast<int>(y), 0, OIIO::TypeUInt16, tile.data()))
         return false;
@@ -105,8 +107,10 @@ std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const 
 void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh& rbvh) {
   std::uint64_t values = 0;
   for (const Level& level : rbvh.levels)
-    for (const Layer& layer : level.layers)
-      values += std::uint64_t{level.atlas_width} * level.atlas_height * layer.channels;
+    for (const Layer& layer : level.layers) {
+      const auto [width, height] = atlas_size(level, layer);
+      values += std::uint64_t{width} * height * layer.channels;
+    }
   if (values * sizeof(std::uint16_t) > kMaxExpansion * file.size())
     refuse(path, "is too small (" + std::to_string(file.size()) + " bytes) for the " +
                      std::to_string(values) + " texels that its hierarchy claims");
@@ -126,18 +130,18 @@ void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh
   for (Level& level : rbvh.levels)
     for (Layer& layer : level.layers) {
       const std::string name = subimage_name(level, layer);
+      const auto [width, height] = atlas_size(level, layer);
       if (!in->seek_subimage(subimage, 0)) refuse(path, "has no subimage " + name);
       spec = in->spec();
       // The file is held against the hierarchy before a byte is reserved on its word.
       if (spec.get_string_attribute("ImageDescription") != name)
         refuse(path, "has, as subimage " + std::to_string(subimage) + ", not " + name);
-      if (spec.width != static_cast<int>(level.atlas_width) ||
-          spec.height != static_cast<int>(level.atlas_height) || spec.depth != 1 ||
-          spec.nchannels != static_cast<int>(layer.channels) || spec.format != OIIO::TypeUInt16 ||
-          spec.tile_width > 4096 || spec.tile_height > 4096)
-        refuse(path, "subimage " + name + " is not the " + std::to_string(level.atlas_width) + " x " +
-                         std::to_string(level.atlas_height) + " texels of 16 bits that its hierarchy claims");
-      layer.texels.resize(std::size_t{level.atlas_width} * level.atlas_height * layer.channels);
+      if (spec.width != static_cast<int>(width) || spec.height != static_cast<int>(height) ||
+          spec.depth != 1 || spec.nchannels != static_cast<int>(layer.channels) ||
+          spec.format != OIIO::TypeUInt16 || spec.tile_width > 4096 || spec.tile_height > 4096)
+        refuse(path, "subimage " + name + " is not the " + std::to_string(width) + " x " +
+                         std::to_string(height) + " texels of 16 bits that its hierarchy claims");
+      layer.texels.resize(std::size_t{width} * height * layer.channels);
       if (!in->read_image(subimage, 0, 0, spec.nchannels, OIIO::TypeUInt16, layer.texels.data()))
         refuse(path, "subimage " + name + " cannot be decoded (" + in->geterror() + ")");
       ++subimage;

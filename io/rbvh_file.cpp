@@ -7,6 +7,7 @@
 #include <flatbuffers/flatbuffers.h>
 #include <xxhash.h>
 
+#include <bit>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -26,7 +27,9 @@ namespace {
 
 static_assert(sizeof(file::Node) == sizeof(RbvhNode) && sizeof(file::Leaf) == sizeof(RbvhLeaf) &&
               sizeof(file::ExactLeaf) == sizeof(RbvhExactLeaf) &&
-              sizeof(file::Primitive) == sizeof(RbvhPrimitive));
+              sizeof(file::Primitive) == sizeof(RbvhPrimitive) &&
+              sizeof(file::LayerTile) == sizeof(LayerTile) &&
+              sizeof(file::Measures) == sizeof(LevelMeasures));
 constexpr std::size_t kAlignment = 64;
 constexpr std::size_t kSealHashAt = 8;  // in file::Seal
 constexpr std::size_t kMaxBuildOptionsDepth = 32;
@@ -99,9 +102,11 @@ std::vector<To> to_vector(const flatbuffers::Vector<const From*>* from) {
 
 /// Of the vectors that a level has in the file.
 std::uint64_t hierarchy_bytes(const Level& level) {
-  return level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) +
-         level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
-         level.exact_primitives.size() * sizeof(RbvhPrimitive);
+  std::uint64_t bytes = level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) +
+                        level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
+                        level.exact_primitives.size() * sizeof(RbvhPrimitive);
+  for (const Layer& layer : level.layers) bytes += layer.tiles.size() * sizeof(LayerTile);
+  return bytes;
 }
 
 Level to_level(const file::Level& from) {
@@ -119,11 +124,20 @@ Level to_level(const file::Level& from) {
   level.atlas_width = from.atlas_width();
   level.atlas_height = from.atlas_height();
   for (const file::Layer* layer : *from.layers())
-    level.layers.push_back({layer->name()->str(), layer->channels(), {}});
+    level.layers.push_back({layer->name()->str(),
+                            layer->channels(),
+                            {},
+                            layer->lo(),
+                            layer->hi(),
+                            layer->width(),
+                            layer->height(),
+                            to_vector<LayerTile>(layer->tiles())});
   level.texels_used = from.texels_used();
   if (const file::Fidelity* f = from.fidelity())
     level.fidelity = {
         f->mask_mismatch_percent(), f->median_dt(), f->p99_dt(), f->holes(), f->leaks(), f->walls(), true};
+  if (const file::Measures* more = from.measures()) level.fidelity.more = std::bit_cast<LevelMeasures>(*more);
+  if (from.derived_from() != nullptr) level.derived_from = from.derived_from()->str();
   level.stored_bytes = hierarchy_bytes(level) + from.atlas_bytes();
   return level;
 }
@@ -153,6 +167,8 @@ bool fits_file(const file::Pair& pair, std::uint64_t file_bytes) {
       bytes += std::uint64_t{level->exact_leaves()->size()} * sizeof(RbvhExactLeaf);
     if (level->exact_primitives() != nullptr)
       bytes += std::uint64_t{level->exact_primitives()->size()} * sizeof(RbvhPrimitive);
+    for (const file::Layer* layer : *level->layers())
+      if (layer->tiles() != nullptr) bytes += std::uint64_t{layer->tiles()->size()} * sizeof(LayerTile);
   }
   return bytes <= file_bytes;
 }
@@ -180,17 +196,23 @@ flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& build
   const auto exact_leaves = exact ? add_structs<file::ExactLeaf>(builder, level.exact_leaves) : 0;
   const auto exact_primitives = exact ? add_structs<file::Primitive>(builder, level.exact_primitives) : 0;
   std::vector<flatbuffers::Offset<file::Layer>> layers;
-  for (const Layer& layer : level.layers)
-    layers.push_back(file::CreateLayer(builder, builder.CreateString(layer.name), layer.channels));
+  for (const Layer& layer : level.layers) {
+    const auto layer_name = builder.CreateString(layer.name);
+    const auto tiles = layer.tiles.empty() ? 0 : add_structs<file::LayerTile>(builder, layer.tiles);
+    layers.push_back(file::CreateLayer(builder, layer_name, layer.channels, layer.lo, layer.hi, layer.width,
+                                       layer.height, tiles));
+  }
   const auto layer_vector = builder.CreateVector(layers);
   const auto name = builder.CreateString(level.name);
+  const auto derived_from = level.derived_from.empty() ? 0 : builder.CreateString(level.derived_from);
   const file::Bounds bounds = from_bounds(level.bounds);
   const LevelFidelity& f = level.fidelity;
   const file::Fidelity fidelity(f.mask_mismatch_percent, f.median_dt, f.p99_dt, f.holes, f.leaks, f.walls);
+  const auto measures = std::bit_cast<file::Measures>(f.more);
   return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, &bounds, nodes, leaves,
                            level.atlas_width, level.atlas_height, layer_vector, level.texels_used,
                            atlas_bytes, f.measured ? &fidelity : nullptr, exact_leaves, exact_primitives,
-                           exact && level.exact_discs);
+                           exact && level.exact_discs, f.more.views > 0 ? &measures : nullptr, derived_from);
 }
 
 flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atlas_length,
@@ -307,7 +329,7 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header) {
   return rbvh;
 }
 
-RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite) {
+RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, std::uint64_t most_bytes) {
   std::optional<std::string> fault = find_fault(rbvh);
   if (!fault) fault = find_texel_fault(rbvh);
   if (!fault && !are_build_options(rbvh.build_options)) fault = "the build options are no JSON object";
@@ -327,6 +349,7 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite) 
   }
   bytes.hierarchy = buffer.size();
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i) bytes.levels[i] += hierarchy_bytes(rbvh.levels[i]);
+  if (bytes.hierarchy + bytes.atlas > most_bytes) return bytes;
   hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
 
   // The hierarchy goes first: between the two renames it names an atlas that is not there yet, and is

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,7 +13,7 @@
 namespace rbvh {
 
 /// Version of the format that write_rbvh() writes. read_rbvh() reads every minor version of this major one.
-inline constexpr std::uint16_t kFormatMajor = 1, kFormatMinor = 1;
+inline constexpr std::uint16_t kFormatMajor = 1, kFormatMinor = 2;
 
 /// The atlas that belongs to an .rbvh path: beside it, by stem.
 std::string atlas_path(const std::string& rbvh_path);
@@ -38,8 +39,10 @@ struct RbvhBytes {
 };
 
 /// Writes both files so that no moment shows an old hierarchy with a new atlas; both whole or neither.
-/// Identical input gives identical bytes. Throws Error(kFailure).
-RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite);
+/// Identical input gives identical bytes. Throws Error(kFailure). Where both together would be over
+/// `most_bytes`, nothing is written: look at what is returned.
+RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite,
+                     std::uint64_t most_bytes = std::numeric_limits<std::uint64_t>::max());
 
 /// Throws the same Error as write_rbvh() would for an output that cannot be, before any work is done.
 void check_rbvh_output(const std::string& path, bool overwrite);

@@ -104,6 +104,18 @@ typedef struct RbvhChunk {
 } RbvhChunk;
 RBVH_LAYOUT_SIZE(RbvhChunk, 312);
 
+// --- points on the surface ------------------------------------------------------------------------------------------
+// A leaf that a point lies near, and where: u, v in texels of its tile. `distance` in scan units to the leaf's surface: of
+// a tile along its w, of a leaf that keeps primitives to the nearest of them. `covers` 0: the point lies beside the
+// tile's surface, and `distance` is none.
+typedef struct PointHit {
+  rbvh_u32 leaf;
+  float u, v;
+  float distance;
+  rbvh_u32 covers;
+} PointHit;
+RBVH_LAYOUT_SIZE(PointHit, 20);
+
 // --- building -------------------------------------------------------------------------------------------------------
 // A run of primitive references of one node or tile: what one work-item handles.
 typedef struct Run {
@@ -113,17 +125,44 @@ typedef struct Run {
 RBVH_LAYOUT_SIZE(Run, 12);
 
 // Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
-// RBVH_SPLIT_FACING: those whose normal has a part along `direction`; RBVH_SPLIT_COUNT: the first half of them.
+// RBVH_SPLIT_FACING: those whose normal has a part along `direction`; RBVH_SPLIT_COUNT: the first half of them;
+// RBVH_SPLIT_OBJECT: those of the object `middle`.
 #define RBVH_SPLIT_PLANE 0u
 #define RBVH_SPLIT_FACING 1u
 #define RBVH_SPLIT_COUNT 2u
+#define RBVH_SPLIT_OBJECT 3u
 typedef struct Split {
   rbvh_u32 kind;
   float direction[3];  // RBVH_SPLIT_PLANE: the unit vector of an axis
   float position;
-  rbvh_u32 middle;  // RBVH_SPLIT_COUNT: the first reference of the right child
+  rbvh_u32 middle;  // RBVH_SPLIT_COUNT: the first reference of the right child; RBVH_SPLIT_OBJECT: an object's id
 } Split;
 RBVH_LAYOUT_SIZE(Split, 24);
+
+// The candidates for a node's split by surface area: along each axis RBVH_SAH_BINS - 1 planes at equal distances, bin i of
+// a primitive's box centre c being (c - lo) * scale.
+#define RBVH_SAH_BINS 33
+typedef struct SplitGrid {
+  float lo[3];
+  float scale[3];
+} SplitGrid;
+RBVH_LAYOUT_SIZE(SplitGrid, 24);
+
+// What lies between two of those planes.
+typedef struct SplitBin {
+  float lo[3];
+  float area;
+  float hi[3];
+  rbvh_u32 count;
+} SplitBin;
+RBVH_LAYOUT_SIZE(SplitBin, 32);
+
+// The objects of some primitives: the first two ids met, and 1, 2 or, for more, 3.
+typedef struct ObjectSet {
+  rbvh_u32 ids[2];
+  rbvh_u32 count;
+} ObjectSet;
+RBVH_LAYOUT_SIZE(ObjectSet, 12);
 
 // A node of the partition, as the search for a tile's guests reads it: references [begin, end).
 typedef struct PartitionBox {

@@ -56,7 +56,7 @@ __kernel void partition_reduce(__global const Run* runs, uint run_count, __globa
 __kernel void partition_choose(__global const Run* runs, uint run_count, __global const Split* splits,
                                __global const uint* references, __global const float4* box_lo,
                                __global const float4* box_hi, __global const float4* area_normal,
-                               __global uchar* sides, __global PrimitiveSums* sums) {
+                               __global const uint* objects, __global uchar* sides, __global PrimitiveSums* sums) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint begin = runs[r].begin, end = runs[r].end;
@@ -68,6 +68,7 @@ __kernel void partition_choose(__global const Run* runs, uint run_count, __globa
     const float4 lo = box_lo[j], hi = box_hi[j], n = area_normal[j];
     const bool is_left = split.kind == RBVH_SPLIT_PLANE    ? 0.5f * dot(lo + hi, direction) < split.position
                          : split.kind == RBVH_SPLIT_FACING ? dot(n, direction) >= 0.0f
+                         : split.kind == RBVH_SPLIT_OBJECT ? objects[j] == split.middle
                                                            : i < split.middle;
     sides[i] = is_left ? 0 : 1;
     if (is_left)
@@ -115,4 +116,59 @@ __kernel void partition_cones(__global const Run* runs, uint run_count, __global
     if (size > 0.0f) least = min(least, dot(n, axis) / size);
   }
   cosines[r] = least;
+}
+
+// The surface area heuristic's bins (section 3.2 of the paper): per run, axis by axis, what lies between the candidates.
+__kernel void partition_bins(__global const Run* runs, uint run_count, __global const SplitGrid* grids,
+                             __global const uint* references, __global const float4* box_lo,
+                             __global const float4* box_hi, __global SplitBin* bins) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  const SplitGrid grid = grids[runs[r].owner];
+  for (int axis = 0; axis < 3; ++axis) {
+    float4 lo[RBVH_SAH_BINS], hi[RBVH_SAH_BINS];
+    uint counts[RBVH_SAH_BINS];
+    for (int b = 0; b < RBVH_SAH_BINS; ++b) {
+      lo[b] = (float4)(FLT_MAX, FLT_MAX, FLT_MAX, 0.0f);
+      hi[b] = (float4)(-FLT_MAX);
+      counts[b] = 0;
+    }
+    const float4 pick = (float4)(axis == 0, axis == 1, axis == 2, 0);
+    const float from = grid.lo[axis], scale = grid.scale[axis];
+    for (uint i = runs[r].begin; i < end; ++i) {
+      const uint j = references[i];
+      const float4 a = box_lo[j], b = box_hi[j];
+      const int bin = clamp((int)((0.5f * dot(a + b, pick) - from) * scale), 0, RBVH_SAH_BINS - 1);
+      const float area = lo[bin].w + a.w;
+      lo[bin] = min(lo[bin], a);
+      lo[bin].w = area;
+      hi[bin] = max(hi[bin], b);
+      counts[bin]++;
+    }
+    __global SplitBin* out = bins + ((size_t)r * 3 + axis) * RBVH_SAH_BINS;
+    for (int b = 0; b < RBVH_SAH_BINS; ++b) {
+      vstore3(lo[b].xyz, 0, out[b].lo);
+      vstore3(hi[b].xyz, 0, out[b].hi);
+      out[b].area = lo[b].w;
+      out[b].count = counts[b];
+    }
+  }
+}
+
+__kernel void partition_objects(__global const Run* runs, uint run_count, __global const uint* references,
+                                __global const uint* objects, __global ObjectSet* sets) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint begin = runs[r].begin, end = runs[r].end;
+  ObjectSet set;
+  set.ids[0] = set.ids[1] = objects[references[begin]];
+  set.count = 1;
+  for (uint i = begin + 1; i < end; ++i) {
+    const uint id = objects[references[i]];
+    if (id == set.ids[0] || (set.count >= 2 && id == set.ids[1])) continue;
+    if (set.count == 1) set.ids[1] = id;
+    set.count = min(set.count + 1u, 3u);
+  }
+  sets[r] = set;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <span>
 
@@ -34,21 +35,36 @@ constexpr std::uint32_t kMostExact = 64, kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
 constexpr std::uint32_t kTexelsPerExact = 11;
 
-/// The paper's best tile resolution for coherent rays (section 3.4).
-float optimal_resolution(float rho) { return std::max(8.0f, 5.76f * std::log(rho) - 42.99f); }
+/// Where the focus asks for texels so different within one node, it is split.
+constexpr float kMostRhoRange = 4;
 
 struct LevelRule {
-  float rho = 0;  ///< per scan unit squared
-  float alpha = 0;
-  float largest_tile = 0;
-  float cone_cosine = -2;  ///< least; -2: the projected area decides
+  LevelConfig level;
+  const BuildConfig* config = nullptr;
+  float area = 1;  ///< that rho is for, scan units squared
+
+  LevelConfig quality(const PartitionNode& node) const {
+    if (!config->focus) return level;
+    return quality_at(level, &*config->focus, distances(node.bounds(), config->focus->center).nearest);
+  }
+  /// Per scan unit squared.
+  float rho(const PartitionNode& node) const { return quality(node).rho / area; }
 
   bool wants_split(const PartitionNode& node) const {
-    const float texels = rho * node.sums.area;
-    if (tile_resolution(node, rho) > largest_tile) return true;
+    if (node.objects.count == 2) return true;  // a tile of both would fuse them
+    const LevelConfig here = quality(node);
+    const float texels = here.rho / area * node.sums.area;
+    const float largest_tile =
+        config->tile_side > 0 ? config->tile_side : optimal_resolution(here.rho, config->rays);
+    if (tile_resolution(node, here.rho / area) > largest_tile) return true;
     if (node.count() <= kFloorPrimitives || texels <= kFloorTexels) return false;
-    if (cone_cosine > -2) return node.cone_cosine < cone_cosine;
-    return node.projected_area() < alpha * node.sums.area;
+    if (config->focus) {
+      const float farthest = distances(node.bounds(), config->focus->center).farthest;
+      if (here.rho > kMostRhoRange * quality_at(level, &*config->focus, farthest).rho) return true;
+    }
+    if (config->refinement == Refinement::kConeOfNormals)
+      return node.cone_cosine < std::cos(here.phi_degrees * std::numbers::pi_v<float> / 180);
+    return node.projected_area() < here.alpha * node.sums.area;
   }
 };
 
@@ -60,13 +76,13 @@ bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
          texels >= kTexelsPerExact * tile.leaf.primitives;
 }
 
-RasterConfig raster_config(const LevelRule& rule, const Primitives& primitives, bool keeps_discs) {
-  RasterConfig raster{.rho = rule.rho};
+RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs) {
+  RasterConfig raster{.rho = rho};
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
   } else if (primitives.discs) {
     // A cloud's noise is of the order of its discs: closer than that, nothing is a layer or a step.
-    const float noise = primitives.mean_radius * std::sqrt(rule.rho);
+    const float noise = primitives.mean_radius * std::sqrt(rho);
     raster.layer_gap = std::max(raster.layer_gap, noise);
     raster.step_limit = std::max(raster.step_limit, noise);
   }
@@ -162,6 +178,11 @@ Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const Ti
 
 }  // namespace
 
+float optimal_resolution(float rho, RaysKind rays) {
+  return std::max(
+      8.0f, rays == RaysKind::kCoherent ? 5.76f * std::log(rho) - 42.99f : 1.23f * std::log(rho) - 0.17f);
+}
+
 const std::vector<LevelConfig>& standard_levels() {
   static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45},
                                                   {"Q1", 1e6f, 0.80f, 50},
@@ -185,8 +206,9 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
   const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones);
-  const float area = partition.nodes[0].sums.area;
+  Partition partition = make_root(primitives, cones, config.split);
+  const float own_area = partition.nodes[0].sums.area;
+  const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
   // Squares of areas must stay within float on the device.
   if (!(area >= kLeastArea && area <= kMostArea))
@@ -196,9 +218,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   lap(time.upload);
 
   std::vector<LevelRule> rules;
-  for (const LevelConfig& level : config.levels)
-    rules.push_back({level.rho / area, level.alpha, optimal_resolution(level.rho),
-                     cones ? std::cos(level.phi_degrees * std::numbers::pi_v<float> / 180) : -2.0f});
+  for (const LevelConfig& level : config.levels) rules.push_back({level, &config, area});
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& r) { return r.wants_split(node); });
   };
@@ -230,27 +250,33 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
     // Where texels are finer than a cloud's discs, the discs themselves are as few bytes, and exact.
     const bool keeps_discs = primitives.discs && config.hybrid != Hybrid::kOff &&
                              config.levels[i].rho >= 2 * static_cast<float>(primitives.count);
-    const RasterConfig raster = raster_config(rule, primitives, keeps_discs);
     // Splits for a level's own faults are made on a copy, so that no level depends on another.
     Partition own{.nodes = partition.nodes,
                   .references = Buffer<std::uint32_t>(device, primitives.count),
-                  .cones = false};
+                  .cones = false,
+                  .rule = config.split};
     own.references.copy_from(partition.references, primitives.count);
     for (bool is_first = true; !leaves.empty(); is_first = false) {
       const auto is_final = [&](Tile& tile) {
         const PartitionNode& node = own.nodes[tile.node];
+        tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
         tile.is_exact = keeps_primitives(config.hybrid, tile, keeps_discs);
-        const bool may_split = keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels;
+        const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
         return tile.is_exact || node.count() == 1 ||
                (config.hybrid != Hybrid::kAlways && !(tile.is_faulty && may_split));
       };
+      // Those of equal quality together: without a focus, all.
+      std::map<float, std::vector<std::uint32_t>> by_rho;
+      for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
       std::vector<SplitRequest> requests;
-      for (const Tile& tile : rasterize_tiles(primitives, own, leaves, raster, is_final, texels)) {
-        if (tile.is_final)
-          tiles.push_back(tile);
-        else
-          requests.push_back({tile.node, tile.has_back, tile.w});
-      }
+      for (const auto& [rho, group] : by_rho)
+        for (const Tile& tile : rasterize_tiles(
+                 primitives, own, group, raster_config(rho, primitives, keeps_discs), is_final, texels)) {
+          if (tile.is_final)
+            tiles.push_back(tile);
+          else
+            requests.push_back({tile.node, tile.has_back, tile.w});
+        }
       lap(time.rasterize);
       if (is_first && !requests.empty()) sort_references(own, requests);
       split_once(own, primitives, requests);

@@ -135,6 +135,28 @@ Fault find_exact_fault(const Level& level) {
   return {};
 }
 
+Fault find_layer_fault(const Level& level, const Layer& layer) {
+  if (!std::isfinite(layer.lo) || !std::isfinite(layer.hi) || !(layer.lo <= layer.hi) ||
+      !std::isfinite(layer.hi - layer.lo))
+    return "has a range that is inverted or not finite";
+  if (layer.tiles.empty()) return {};
+  if (layer.tiles.size() != level.leaves.size())
+    return "has " + number(layer.tiles.size()) + " tiles for " + number(level.leaves.size()) + " leaves";
+  if (layer.width < 2 || layer.height < 2 || layer.width > 65535 || layer.height > 65535)
+    return "has an atlas of " + number(layer.width) + " x " + number(layer.height) +
+           " texels; 2 to 65535 are possible";
+  std::uint64_t texels = 0;
+  for (const LayerTile& tile : layer.tiles) {
+    if (tile.width < 2 || tile.height < 2 || std::uint64_t{tile.width} * tile.height > kMaxTileTexels ||
+        std::uint32_t{tile.x} + tile.width > layer.width ||
+        std::uint32_t{tile.y} + tile.height > layer.height)
+      return "has a tile that is too small or too large, or reaches out of its atlas";
+    texels += std::uint64_t{tile.width} * tile.height;
+  }
+  if (texels > std::uint64_t{layer.width} * layer.height) return "has tiles that overlap";
+  return {};
+}
+
 Fault find_level_fault(const Level& level) {
   for (const float value : {level.rho, level.alpha, level.phi_degrees})
     if (!std::isfinite(value)) return "has a parameter that is not finite";
@@ -151,10 +173,25 @@ Fault find_level_fault(const Level& level) {
   }
   if (level.layers[0].name != "height" || level.layers[0].channels != 1)
     return "does not begin with a layer height of one channel";
+  for (const Layer& layer : level.layers)
+    if ((layer.name == "height" || layer.name == "normal" || layer.name == "color") && !layer.tiles.empty())
+      return "layer " + layer.name + " does not have the level's atlas";
+  for (const Layer& layer : level.layers)
+    if (Fault fault = find_layer_fault(level, layer)) return "layer " + layer.name + " " + *fault;
+  if (!level.derived_from.empty() && !is_name(level.derived_from))
+    return "is derived from a level whose name is not letters, digits, _ and -";
   if (level.fidelity.measured)
     for (const float value :
          {level.fidelity.mask_mismatch_percent, level.fidelity.median_dt, level.fidelity.p99_dt})
       if (!(value >= 0)) return "has a measured fidelity that is no number";
+  if (const LevelMeasures& m = level.fidelity.more; m.views > 0) {
+    for (const float value : {m.silhouette_percent, m.p999_dt, m.median_normal, m.p95_normal, m.image_rmse,
+                              m.image_psnr, m.control_rmse, m.control_psnr, m.to_scan_rms, m.to_scan_max,
+                              m.to_level_rms, m.to_level_max, m.texel})
+      if (!(value >= 0)) return "has a measure that is no number";
+    if (!(m.image_ssim >= -1 && m.image_ssim <= 1 && m.control_ssim >= -1 && m.control_ssim <= 1))
+      return "has a measured similarity that is not between -1 and 1";
+  }
   if (Fault fault = find_tree_fault(level)) return fault;
   if (Fault fault = find_exact_fault(level)) return fault;
   return find_tile_fault(level);
@@ -183,7 +220,8 @@ std::optional<std::string> find_fault(const Rbvh& rbvh) {
 std::optional<std::string> find_texel_fault(const Rbvh& rbvh) {
   for (const Level& level : rbvh.levels)
     for (const Layer& layer : level.layers) {
-      const std::uint64_t wanted = std::uint64_t{level.atlas_width} * level.atlas_height * layer.channels;
+      const auto [width, height] = atlas_size(level, layer);
+      const std::uint64_t wanted = std::uint64_t{width} * height * layer.channels;
       if (layer.texels.size() != wanted)
         return "level " + level.name + ": layer " + layer.name + " has " + number(layer.texels.size()) +
                " values where its atlas needs " + number(wanted);

@@ -3,6 +3,7 @@
 #include <numeric>
 
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/choose_split.h"
 
 namespace rbvh {
 namespace {
@@ -22,18 +23,6 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
   }
   to.area += from.area;
   to.count += from.count;
-}
-
-Split spatial_median(const PartitionNode& node) {
-  const Bounds3f b = node.bounds();
-  const Vec3f e = b.extent();
-  const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
-  Split split{.kind = RBVH_SPLIT_PLANE,
-              .direction = {0, 0, 0},
-              .position = b.center()[axis],
-              .middle = node.begin + node.count() / 2};
-  split.direction[axis] = 1;
-  return split;
 }
 
 /// The cone around the mean normal ([SAE93] approximated, as the paper has it) of nodes[first..].
@@ -60,6 +49,24 @@ void measure_cones(Partition& partition, const Primitives& primitives, std::size
   }
 }
 
+/// Which objects nodes[first..] have, where there are several.
+void find_objects(Partition& partition, const Primitives& primitives, std::size_t first) {
+  if (!primitives.has_objects) return;
+  const Device& device = primitives.device;
+  std::vector<Run> runs;
+  for (std::size_t n = first; n < partition.nodes.size(); ++n) {
+    PartitionNode& node = partition.nodes[n];
+    node.objects.count = 0;
+    append_runs(runs, static_cast<std::uint32_t>(n), node.begin, node.end, kRunLength);
+  }
+  const Buffer<ObjectSet> sets(device, runs.size());
+  device.kernel("partition", "partition_objects")
+      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
+           static_cast<std::uint32_t>(runs.size()), partition.references, primitives.objects, sets);
+  const std::vector<ObjectSet> found = sets.read();
+  for (std::size_t r = 0; r < runs.size(); ++r) add(partition.nodes[runs[r].owner].objects, found[r]);
+}
+
 }  // namespace
 
 void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
@@ -68,11 +75,12 @@ void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begi
     runs.push_back({owner, at, at + std::min(run_length, end - at)});
 }
 
-Partition make_root(const Primitives& primitives, bool cones) {
+Partition make_root(const Primitives& primitives, bool cones, SplitRule rule) {
   const Device& device = primitives.device;
   std::vector<std::uint32_t> identity(primitives.count);
   std::iota(identity.begin(), identity.end(), 0u);
-  Partition partition{.nodes = {}, .references = Buffer<std::uint32_t>(device, identity), .cones = cones};
+  Partition partition{
+      .nodes = {}, .references = Buffer<std::uint32_t>(device, identity), .cones = cones, .rule = rule};
   std::vector<Run> runs;
   append_runs(runs, 0, 0, primitives.count, kRunLength);
   const Buffer<PrimitiveSums> sums(device, runs.size());
@@ -85,6 +93,7 @@ Partition make_root(const Primitives& primitives, bool cones) {
   for (const PrimitiveSums& s : sums.read()) add(root.sums, s);
   partition.nodes.push_back(root);
   if (cones) measure_cones(partition, primitives, 0);
+  find_objects(partition, primitives, 0);
   return partition;
 }
 
@@ -109,8 +118,8 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
   const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
   for (bool stuck = true; stuck;) {
     choose.run(runs.size(), group, device_runs, run_count, Buffer<Split>(device, splits),
-               partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal, sides,
-               device_sums);
+               partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal,
+               primitives.objects, sides, device_sums);
     sums = device_sums.read();
     children.assign(2 * active.size(), {});
     for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -158,6 +167,7 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     nodes.push_back({.sums = children[2 * k + 1], .begin = middle, .end = end});
   }
   if (partition.cones) measure_cones(partition, primitives, first_child);
+  find_objects(partition, primitives, first_child);
   device.finish();
 }
 
@@ -168,11 +178,8 @@ void split_nodes(Partition& partition, const Primitives& primitives, std::vector
   const std::vector<PartitionNode>& nodes = partition.nodes;
   std::erase_if(active, [&](std::uint32_t n) { return nodes[n].count() < 2; });
   while (!active.empty()) {
-    std::vector<Split> splits;
-    splits.reserve(active.size());
-    for (const std::uint32_t n : active) splits.push_back(spatial_median(nodes[n]));
     const std::size_t first_child = nodes.size();
-    split_level(partition, primitives, active, std::move(splits));
+    split_level(partition, primitives, active, choose_splits(partition, primitives, active));
     active.clear();
     std::size_t left_to_do = 0;
     for (auto child = static_cast<std::uint32_t>(first_child); child < nodes.size(); ++child) {
@@ -189,13 +196,13 @@ void split_once(Partition& partition, const Primitives& primitives,
                 const std::vector<SplitRequest>& requests) {
   if (requests.empty()) return;
   std::vector<std::uint32_t> active;
-  std::vector<Split> splits;
-  for (const SplitRequest& request : requests) {
-    active.push_back(request.node);
-    splits.push_back(spatial_median(partition.nodes[request.node]));
-    if (!request.by_facing) continue;
-    splits.back().kind = RBVH_SPLIT_FACING;
-    std::copy_n(&request.facing.x, 3, splits.back().direction);
+  for (const SplitRequest& request : requests) active.push_back(request.node);
+  std::vector<Split> splits = choose_splits(partition, primitives, active);
+  for (std::size_t k = 0; k < requests.size(); ++k) {
+    if (!requests[k].by_facing || splits[k].kind == RBVH_SPLIT_OBJECT) continue;
+    splits[k] = spatial_median(partition.nodes[requests[k].node]);
+    splits[k].kind = RBVH_SPLIT_FACING;
+    std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
   }
   split_level(partition, primitives, active, std::move(splits));
 }

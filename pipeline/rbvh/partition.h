@@ -1,6 +1,6 @@
-// The tree over primitives (section 6 of the paper): breadth-first, spatial median of the longest axis, on
-// the device. Where a node ends up as a leaf depends on the level; one tree serves all levels, each being a
-// cut through it.
+// The tree over primitives (section 6 of the paper): breadth-first, on the device; where a node is split,
+// choose_split.h says. Where a node ends up as a leaf depends on the level; one tree serves all levels, each
+// being a cut through it.
 #pragma once
 
 #include <functional>
@@ -16,7 +16,8 @@ namespace rbvh {
 struct PartitionNode {
   PrimitiveSums sums{};
   std::uint32_t begin = 0, end = 0;
-  float cone_cosine = 1;   ///< of the half-angle of the cone of normals, where cones are asked for
+  float cone_cosine = 1;  ///< of the half-angle of the cone of normals, where cones are asked for
+  ObjectSet objects{{0, 0}, 1};
   std::int32_t left = -1;  ///< index of the left child, the right one follows; -1: not split (yet)
 
   std::uint32_t count() const { return end - begin; }
@@ -29,11 +30,17 @@ struct PartitionNode {
   }
 };
 
+enum class SplitRule {
+  kSpatialMedian,  ///< the middle of the longest axis
+  kSurfaceArea,    ///< the least of equation 1, S(b) A(b) + S(c) A(c), among 32 planes along each axis
+};
+
 /// The tree so far. Node 0 is the root.
 struct Partition {
   std::vector<PartitionNode> nodes;
   Buffer<std::uint32_t> references;  ///< indices into Primitives
   bool cones = false;
+  SplitRule rule = SplitRule::kSpatialMedian;
 };
 
 /// Cuts [begin, end) into runs of at most `run_length` references.
@@ -42,17 +49,17 @@ void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begi
 
 /// With `cones`, this node and all that come of it know their cone of normals: one more pass over the
 /// primitives.
-Partition make_root(const Primitives& primitives, bool cones);
+Partition make_root(const Primitives& primitives, bool cones, SplitRule rule = SplitRule::kSpatialMedian);
 
-/// Splits the given nodes at the spatial median, then their children as long as `wants_split` says so. A node
-/// of one primitive is never split.
+/// Splits the given nodes, what belongs to exactly two objects by these and all others by the partition's
+/// rule, then their children as long as `wants_split` says so. A node of one primitive is never split.
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
 
 /// A node to be split once.
 struct SplitRequest {
   std::uint32_t node;
-  bool by_facing = false;  ///< what faces along `facing` from what does not, else the spatial median
+  bool by_facing = false;  ///< what faces along `facing` from what does not, else as split_nodes()
   Vec3f facing{};
 };
 

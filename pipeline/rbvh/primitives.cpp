@@ -1,5 +1,7 @@
 #include "pipeline/rbvh/primitives.h"
 
+#include <algorithm>
+
 #include "pipeline/base/error.h"
 #include "pipeline/device/radix_sort.h"
 #include "pipeline/scan/radii.h"
@@ -54,6 +56,16 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
            Float4{box.lo.x, box.lo.y, box.lo.z, 0}, Float4{cells(e.x), cells(e.y), cells(e.z), 0}, codes,
            p.order);
   radix_sort(device, codes, p.order, count, 30);
+
+  const auto& ids = scan.object_ids;
+  p.has_objects = std::any_of(ids.begin(), ids.end(), [&](std::int32_t id) { return id != ids[0]; });
+  p.objects = Buffer<std::uint32_t>(device, p.has_objects ? count : 1);
+  if (p.has_objects) {
+    RBVH_CHECK(ids.size() == count);
+    std::vector<std::uint32_t> objects = p.order.read();
+    for (std::uint32_t& i : objects) i = static_cast<std::uint32_t>(ids[i]);
+    p.objects.write(objects);
+  }
 
   p.shape = Buffer<float>(device, 9 * count);
   p.box_lo = Buffer<Float4>(device, count);

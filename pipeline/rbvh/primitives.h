@@ -24,6 +24,8 @@ struct Primitives {
   Buffer<float> normals;         ///< 3 per vertex, unit
   Buffer<std::uint32_t> colors;  ///< 0xBBGGRR per vertex; one dummy without colours
   bool has_colors = false;
+  Buffer<std::uint32_t> objects;  ///< ids; one dummy where all primitives are of one object
+  bool has_objects = false;
   float mean_radius = 0;  ///< of the discs
 };
 

@@ -9,4 +9,10 @@ const Level* Rbvh::find_level(const std::string& wanted) const {
   return nullptr;
 }
 
+const Layer* find_layer(const Level& level, std::string_view name) {
+  for (const Layer& layer : level.layers)
+    if (layer.name == name) return &layer;
+  return nullptr;
+}
+
 }  // namespace rbvh

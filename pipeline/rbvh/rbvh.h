@@ -2,8 +2,10 @@
 // Novak & Dachsbacher, "Rasterized Bounding Volume Hierarchies", Eurographics 2012.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "kernels/layout.h"
@@ -11,21 +13,48 @@
 
 namespace rbvh {
 
+/// Where a leaf's tile lies in a layer's own atlas.
+struct LayerTile {
+  std::uint16_t x = 0, y = 0;           ///< first texel
+  std::uint16_t width = 0, height = 0;  ///< texels, each at least 2
+};
+
 /// One signal over the level's atlas, row-major from the top left, channels interleaved.
 /// "height": 1 channel, w of RbvhLeaf, 0: empty.
 /// "normal": 1 channel, world-space unit normal, octahedral, 8 bits a coordinate (x low byte, y high byte).
 /// "color": 1 channel, red 5 bits, green 6, blue 5 (from the top), sRGB.
+/// Any other: a user's values, 1..65535 evenly over [lo, hi], 0: no value there.
 struct Layer {
   std::string name;
   std::uint32_t channels = 1;
-  std::vector<std::uint16_t> texels;  ///< atlas_width * atlas_height * channels
+  std::vector<std::uint16_t> texels;  ///< width * height * channels of its atlas
+  float lo = 0, hi = 0;               ///< equal: the level's own layers, or values as they are stored
+  /// A layer of another resolution than the heights has an atlas of its own, with a tile for each leaf: its
+  /// corner texels lie where those of the leaf's tile do. None: the level's atlas.
+  std::uint32_t width = 0, height = 0;
+  std::vector<LayerTile> tiles{};
 };
 
-/// Measured against exact ray casting (pipeline/rbvh/fidelity.h); NaN: not measured.
+/// More of what was measured, over all views (format 1.2). dt and surface distances are fractions of the
+/// scan's diagonal. `control`: the exact tracer with other rays in its pixels, against itself.
+struct LevelMeasures {
+  float silhouette_percent = 0;                          ///< of the mask's mismatches, within 1 pixel of it
+  float p999_dt = 0;                                     ///< beside LevelFidelity's median and p99
+  float median_normal = 0, p95_normal = 0;               ///< degrees
+  float image_rmse = 0, image_psnr = 0, image_ssim = 0;  ///< psnr may be +infinity
+  float control_rmse = 0, control_psnr = 0, control_ssim = 0;
+  float to_scan_rms = 0, to_scan_max = 0;    ///< from the level's surface to the scan's
+  float to_level_rms = 0, to_level_max = 0;  ///< from the scan's surface to the level's
+  float texel = 0;                           ///< mean side
+  std::uint32_t views = 0, resolution = 0;   ///< how it was measured; no views: it was not
+};
+
+/// Measured against exact ray casting (pipeline/rbvh/fidelity.h).
 struct LevelFidelity {
   float mask_mismatch_percent, median_dt, p99_dt;  ///< dt as a fraction of the bounding-box diagonal
   std::uint32_t holes, leaks, walls;               ///< worst view
   bool measured = false;
+  LevelMeasures more{};
 };
 
 struct Level {
@@ -43,8 +72,25 @@ struct Level {
   std::vector<Layer> layers;      ///< height first
   std::uint64_t texels_used = 0;  ///< texels with a surface
   LevelFidelity fidelity{};
+  std::string derived_from;        ///< the level whose surface it was made of; empty: the scan's
   std::uint64_t stored_bytes = 0;  ///< its share of the pair it was read from: nodes, leaves, layers
 };
+
+/// The layer of that name, or nullptr.
+const Layer* find_layer(const Level& level, std::string_view name);
+
+/// Width and height of the atlas that holds the layer's texels.
+inline std::array<std::uint32_t, 2> atlas_size(const Level& level, const Layer& layer) {
+  if (layer.tiles.empty()) return {level.atlas_width, level.atlas_height};
+  return {layer.width, layer.height};
+}
+
+/// Where the leaf's tile lies in it.
+inline LayerTile layer_tile(const Level& level, const Layer& layer, std::size_t leaf) {
+  if (!layer.tiles.empty()) return layer.tiles[leaf];
+  const RbvhLeaf& tile = level.leaves[leaf];
+  return {tile.x, tile.y, tile.width, tile.height};
+}
 
 /// The scan a pair was built from.
 struct RbvhSource {

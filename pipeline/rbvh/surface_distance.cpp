@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/texel.h"
 #include "pipeline/rbvh/tile.h"
 
 namespace rbvh {
@@ -64,25 +65,6 @@ void add_disc(TriangleSoup& soup, Vec3f center, Vec3f normal, float radius) {
   for (int i = 0; i < kDiscCorners; ++i) add_triangle(soup, center, corner(i), corner(i + 1));
 }
 
-// The point of a tile where its texel (x, y) has the height w: the inverse of RbvhLeaf::to_tile, whose rows
-// are orthogonal.
-struct TileFrame {
-  Vec3d origin, u, v, w;
-
-  explicit TileFrame(const RbvhLeaf& leaf) {
-    Vec3d* const axes[3] = {&u, &v, &w};
-    for (std::size_t i = 0; i < 3; ++i) {
-      const float* row = leaf.to_tile + 4 * i;
-      const Vec3d r{static_cast<double>(row[0]), static_cast<double>(row[1]), static_cast<double>(row[2])};
-      *axes[i] = r * (1 / dot(r, r));
-      origin = origin - *axes[i] * static_cast<double>(row[3]);
-    }
-  }
-  Vec3f at(double x, double y, double height) const {
-    return static_cast<Vec3f>(origin + u * x + v * y + w * height);
-  }
-};
-
 }  // namespace
 
 TriangleSoup surface_of(const Scan& scan) {
@@ -101,20 +83,11 @@ TriangleSoup surface_of(const Scan& scan) {
   return soup;
 }
 
-TriangleSoup surface_of(const Level& level) {
-  TriangleSoup soup;
+void for_each_quad(const Level& level, const std::function<void(std::uint32_t leaf, std::uint32_t x,
+                                                                std::uint32_t y, std::size_t texel)>& quad) {
   const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
   std::vector<bool> is_exact(level.leaves.size());
-  for (const RbvhExactLeaf& exact : level.exact_leaves) {
-    is_exact[exact.leaf] = true;
-    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
-      const float* s = level.exact_primitives[exact.first + i].shape;
-      if (level.exact_discs)
-        add_disc(soup, {s[0], s[1], s[2]}, {s[4], s[5], s[6]}, s[3]);
-      else
-        add_triangle(soup, {s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]});
-    }
-  }
+  for (const RbvhExactLeaf& exact : level.exact_leaves) is_exact[exact.leaf] = true;
   for (const RbvhNode& node : level.nodes) {
     if (node.count == 0 || is_exact[node.first]) continue;
     const RbvhLeaf& leaf = level.leaves[node.first];
@@ -129,13 +102,32 @@ TriangleSoup surface_of(const Level& level) {
         if (std::find(h, h + 4, 0) != h + 4) continue;
         const auto step = [&](int i, int j) { return std::abs(h[i] - h[j]); };
         if (std::max({step(0, 1), step(2, 3), step(0, 2), step(1, 3)}) > limit) continue;
-        const Vec3f a = frame.at(x, y, h[0]), b = frame.at(x + 1, y, h[1]), c = frame.at(x, y + 1, h[2]),
-                    d = frame.at(x + 1, y + 1, h[3]);
+        const Vec3f a = frame.at(x, y, h[0]), d = frame.at(x + 1, y + 1, h[3]);
         if (squared_distance(box, (a + d) * 0.5f) > 0) continue;
-        add_triangle(soup, a, b, d);
-        add_triangle(soup, a, d, c);
+        quad(node.first, x, y, at);
       }
   }
+}
+
+TriangleSoup surface_of(const Level& level) {
+  TriangleSoup soup;
+  for (const RbvhExactLeaf& exact : level.exact_leaves)
+    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
+      const float* s = level.exact_primitives[exact.first + i].shape;
+      if (level.exact_discs)
+        add_disc(soup, {s[0], s[1], s[2]}, {s[4], s[5], s[6]}, s[3]);
+      else
+        add_triangle(soup, {s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]});
+    }
+  const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
+  for_each_quad(level, [&](std::uint32_t leaf, std::uint32_t x, std::uint32_t y, std::size_t at) {
+    const TileFrame frame(level.leaves[leaf]);
+    const auto corner = [&](std::uint32_t i, std::uint32_t j) {
+      return frame.at(x + i, y + j, heights[at + j * level.atlas_width + i]);
+    };
+    add_triangle(soup, corner(0, 0), corner(1, 0), corner(1, 1));
+    add_triangle(soup, corner(0, 0), corner(1, 1), corner(0, 1));
+  });
   return soup;
 }
 
@@ -172,11 +164,13 @@ ClosestPoint::ClosestPoint(TriangleSoup triangles) {
   triangles_.reserve(triangles.size());
   for (const std::uint32_t i : order)
     for (std::size_t k = 0; k < 3; ++k) triangles_.push_back(triangles[std::size_t{i} * 3 + k]);
+  order_ = std::move(order);
 }
 
-float ClosestPoint::distance(Vec3f point) const {
-  float best = std::numeric_limits<float>::infinity();
-  if (nodes_.empty()) return best;
+ClosestPoint::Nearest ClosestPoint::find(Vec3f point) const {
+  Nearest nearest;
+  float best = nearest.distance;  // squared
+  if (nodes_.empty()) return nearest;
   std::vector<std::pair<float, std::uint32_t>> stack = {{squared_distance(nodes_[0].box, point), 0}};
   while (!stack.empty()) {
     const auto [bound, n] = stack.back();
@@ -193,11 +187,15 @@ float ClosestPoint::distance(Vec3f point) const {
     }
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
       const Vec3f* t = &triangles_[std::size_t{i} * 3];
-      const Vec3f d = point - closest_on_triangle(point, t[0], t[1], t[2]);
-      best = std::min(best, dot(d, d));
+      const Vec3f q = closest_on_triangle(point, t[0], t[1], t[2]), d = point - q;
+      if (!(dot(d, d) < best)) continue;
+      best = dot(d, d);
+      nearest.triangle = order_[i];
+      nearest.point = q;
     }
   }
-  return std::sqrt(best);
+  nearest.distance = std::sqrt(best);
+  return nearest;
 }
 
 DistanceStatistics sampled_distance(const TriangleSoup& from, const ClosestPoint& to, std::size_t samples) {

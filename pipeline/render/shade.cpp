@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/texel.h"
 #include "pipeline/render/camera.h"
 #include "pipeline/scan/vertex_normals.h"
 
@@ -81,27 +82,9 @@ const std::array<float, 256>& srgb_table() {
 
 Vec3f linear_color(const Color8& c) { return {srgb_table()[c[0]], srgb_table()[c[1]], srgb_table()[c[2]]}; }
 
-Vec3f unpack_normal(std::uint16_t packed) {
-  const float x = (static_cast<float>(packed & 255) - 128) / 127,
-              y = (static_cast<float>(packed >> 8) - 128) / 127;
-  Vec3f n{x, y, 1 - std::abs(x) - std::abs(y)};
-  if (n.z < 0) {
-    n.x = (1 - std::abs(y)) * (x < 0 ? -1.f : 1.f);
-    n.y = (1 - std::abs(x)) * (y < 0 ? -1.f : 1.f);
-  }
-  return normalized(n);
-}
-
 Vec3f unpack_color(std::uint16_t packed) {
-  return {srgb_to_linear(static_cast<float>(packed >> 11) / 31),
-          srgb_to_linear(static_cast<float>((packed >> 5) & 63) / 63),
-          srgb_to_linear(static_cast<float>(packed & 31) / 31)};
-}
-
-const Layer* find_layer(const Level& level, std::string_view name) {
-  for (const Layer& layer : level.layers)
-    if (layer.name == name) return &layer;
-  return nullptr;
+  const Vec3f c = unpack_srgb(packed);
+  return {srgb_to_linear(c.x), srgb_to_linear(c.y), srgb_to_linear(c.z)};
 }
 
 // A hit's four texels in the atlas and how much each counts; those without a surface count nothing.
@@ -222,6 +205,20 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
     }
   });
   return samples;
+}
+
+std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width, float lo, float hi) {
+  RBVH_CHECK(width > 0);
+  std::vector<Vec3f> colors(values.size() / width, kClay);
+  const auto share = [&](float value) {
+    return hi > lo ? std::clamp((value - lo) / (hi - lo), 0.0f, 1.0f) : 0;
+  };
+  for (std::size_t i = 0; i < colors.size(); ++i) {
+    const float* v = values.data() + i * width;
+    if (std::isnan(v[0])) continue;
+    colors[i] = width < 3 ? ramp(share(v[0])) : Vec3f{share(v[0]), share(v[1]), share(v[2])};
+  }
+  return colors;
 }
 
 Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up) {

@@ -35,6 +35,10 @@ SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, 
 /// where the level has no such layer.
 SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits);
 
+/// Colours for values, `width` of them a hit: one from dark blue (lo) to yellow (hi), three as red, green and
+/// blue from lo to hi; clay for NaN.
+std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width, float lo, float hi);
+
 /// A headlight and a soft sky on clay (or the surface's own colours), from both sides, on a transparent
 /// background; valleys and depth steps are darkened by the depth of the pixels around. R, G, B, A; `up` is
 /// where the sky is.

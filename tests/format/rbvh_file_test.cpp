@@ -582,5 +582,77 @@ TEST(AtlasPath, LiesBesideByStem) {
   EXPECT_EQ(atlas_path("a"), "a.atlas.tif");
 }
 
+/// The small pair with all that version 1.2 brought.
+Rbvh make_layered_rbvh() {
+  Rbvh rbvh = make_small_rbvh();
+  Level& level = rbvh.levels[0];
+  level.derived_from = "Q9";
+  level.fidelity = rbvh.levels[1].fidelity;
+  level.fidelity.more = {50,    1e-3f, 1,     5,     0.01f, std::numeric_limits<float>::infinity(),
+                         0.9f,  0.02f, 30,    0.95f, 1e-5f, 1e-3f,
+                         2e-5f, 2e-3f, 1e-4f, 8,     1024};
+  Layer layer{"wear", 2, {}, -1.5f, 4, 10, 7, {{0, 0, 5, 5}, {5, 0, 5, 5}, {0, 5, 10, 2}}};
+  for (std::uint32_t i = 0; i < 140; ++i) layer.texels.push_back(static_cast<std::uint16_t>(i * 331));
+  level.layers.push_back(layer);
+  return rbvh;
+}
+
+TEST_F(RbvhFileTest, LayersAndMeasuresComeBack) {
+  const Rbvh rbvh = make_layered_rbvh();
+  write_rbvh(path("a.rbvh"), rbvh, false);
+  const Rbvh again = read_rbvh(path("a.rbvh"));
+  expect_equal(rbvh, again);
+  const Level &a = rbvh.levels[0], &b = again.levels[0];
+  EXPECT_EQ(b.derived_from, "Q9");
+  EXPECT_EQ(again.levels[1].derived_from, "");
+  EXPECT_EQ(std::memcmp(&a.fidelity.more, &b.fidelity.more, sizeof a.fidelity.more), 0);
+  EXPECT_EQ(again.levels[1].fidelity.more.views, 0u);
+  const Layer& layer = b.layers.back();
+  EXPECT_EQ(layer.lo, -1.5f);
+  EXPECT_EQ(layer.hi, 4);
+  EXPECT_EQ(layer.width, 10u);
+  EXPECT_EQ(layer.height, 7u);
+  ASSERT_EQ(layer.tiles.size(), 3u);
+  EXPECT_EQ(std::memcmp(layer.tiles.data(), a.layers.back().tiles.data(), 3 * sizeof(LayerTile)), 0);
+}
+
+TEST_F(RbvhFileTest, LayersAndMeasuresAreChecked) {
+  const auto fault_after = [](const std::function<void(Level&)>& damage) {
+    Rbvh rbvh = make_layered_rbvh();
+    damage(rbvh.levels[0]);
+    return find_fault(rbvh).value_or("") + find_texel_fault(rbvh).value_or("");
+  };
+  EXPECT_EQ(fault_after([](Level&) {}), "");
+  const float nan = std::nanf(""), inf = std::numeric_limits<float>::infinity();
+  const auto layer = [&](const std::function<void(Layer&)>& damage) {
+    return fault_after([&](Level& level) { damage(level.layers.back()); });
+  };
+  expect_contains(layer([](Layer& l) { l.lo = 5; }), "range");
+  expect_contains(layer([&](Layer& l) { l.hi = nan; }), "range");
+  expect_contains(layer([&](Layer& l) { l.hi = inf; }), "range");
+  expect_contains(layer([](Layer& l) { l.tiles.pop_back(); }), "2 tiles for 3 leaves");
+  expect_contains(layer([](Layer& l) { l.tiles[1].x = 6; }), "reaches out");
+  expect_contains(layer([](Layer& l) { l.tiles[1].height = 1; }), "too small");
+  expect_contains(layer([](Layer& l) { l.tiles[1] = {0, 0, 10, 7}; }), "overlap");
+  expect_contains(layer([](Layer& l) { l.width = 70000; }), "65535");
+  expect_contains(layer([](Layer& l) { l.texels.pop_back(); }), "139 values");
+  expect_contains(fault_after([](Level& l) { l.layers[1].tiles = l.layers.back().tiles; }), "normal");
+  expect_contains(fault_after([](Level& l) { l.derived_from = "a/b"; }), "derived");
+  expect_contains(fault_after([&](Level& l) { l.fidelity.more.image_rmse = nan; }), "measure");
+  expect_contains(fault_after([](Level& l) { l.fidelity.more.to_scan_max = -1; }), "measure");
+  expect_contains(fault_after([](Level& l) { l.fidelity.more.image_ssim = 2; }), "similarity");
+}
+
+TEST_F(RbvhFileTest, NothingIsWrittenOverTheBytesAllowed) {
+  const Rbvh rbvh = make_layered_rbvh();
+  const RbvhBytes over = write_rbvh(path("a.rbvh"), rbvh, false, 100);
+  EXPECT_EQ(files(), 0u);
+  const RbvhBytes written = write_rbvh(path("a.rbvh"), rbvh, false, over.hierarchy + over.atlas);
+  EXPECT_EQ(files(), 2u);
+  EXPECT_EQ(written.hierarchy, fs::file_size(path("a.rbvh")));
+  EXPECT_EQ(written.atlas, fs::file_size(path("a.atlas.tif")));
+  EXPECT_EQ(written.hierarchy, over.hierarchy);
+}
+
 }  // namespace
 }  // namespace rbvh

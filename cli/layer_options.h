@@ -1,0 +1,30 @@
+// What paint, sample and build share about layers.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/common.h"
+#include "cli/subject.h"
+#include "io/npy.h"
+
+namespace rbvh {
+
+/// "--layer-scale": texels of the layer to one of the heights', 1/16 to 16.
+double parse_layer_scale(std::string_view text);
+
+/// 1 to 32 of A-Z a-z 0-9 _ -, as the format has it.
+std::string parse_layer_name(std::string_view text);
+std::vector<std::string> parse_layer_names(std::string_view text);
+
+/// N x 3 float32; points that are not finite lie on no surface.
+std::vector<Vec3f> read_points(const std::string& path);
+
+/// A distance in scan units, at least 0.
+float parse_distance(std::string_view text);
+
+/// How far from a pair's surface a point may lie to be on it, unless told otherwise: 1% of the diagonal,
+/// beyond which a hit is on another piece of surface (leaks and walls).
+float surface_reach(const Rbvh& rbvh, const std::optional<float>& given);
+
+}  // namespace rbvh

@@ -1,0 +1,163 @@
+// rbvh paint: writes values to a layer, at points on the surface or from a scan's vertices.
+#include <cmath>
+#include <memory>
+
+#include "cli/common.h"
+#include "cli/layer_options.h"
+#include "cli/measure.h"
+#include "cli/stages.h"
+#include "io/rbvh_file.h"
+#include "pipeline/rbvh/layers.h"
+
+namespace rbvh {
+namespace {
+
+struct PaintOptions {
+  std::string file, layer, points, values, scan;
+  std::vector<std::string> levels;
+  float radius = 0;
+  std::optional<double> scale;
+  std::optional<float> reach;
+};
+
+struct Paint {
+  std::vector<Vec3f> points;
+  FloatTable values;
+};
+
+Paint read_paint(const PaintOptions& options) {
+  static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
+  Paint paint{read_points(options.points), read_npy(options.values, kColumns)};
+  if (paint.values.rows != paint.points.size())
+    throw Error(ExitCode::kInput, options.values,
+                "has " + std::to_string(paint.values.rows) + " rows for the " +
+                    std::to_string(paint.points.size()) + " points of " + options.points);
+  return paint;
+}
+
+/// The level's layer, made where it is not there.
+Layer& layer_of(Level& level, const PaintOptions& options, std::size_t channels) {
+  for (Layer& layer : level.layers) {
+    if (layer.name != options.layer) continue;
+    if (sample_width(layer) != channels)
+      throw Error(ExitCode::kUsage, options.file,
+                  "layer " + layer.name + " has " + std::to_string(sample_width(layer)) +
+                      " values a point; there are " + std::to_string(channels) + " in " + options.values);
+    if (options.scale)
+      throw Error(ExitCode::kUsage, options.file,
+                  "layer " + layer.name + " of level " + level.name +
+                      " is there and has its resolution; --layer-scale is for new ones");
+    return layer;
+  }
+  if (is_standard_layer(options.layer))
+    throw Error(ExitCode::kUsage, options.file,
+                "level " + level.name + " has no layer " + options.layer + " to paint on");
+  level.layers.push_back(
+      make_layer(level, options.layer, static_cast<std::uint32_t>(channels), options.scale.value_or(1)));
+  return level.layers.back();
+}
+
+void run_paint(Context& context, const PaintOptions& options) {
+  const bool from_scan = !options.scan.empty();
+  if (from_scan == (!options.points.empty() || !options.values.empty()) ||
+      options.points.empty() != options.values.empty())
+    throw Error(ExitCode::kUsage, "", "what is to be painted? --points with --values, or --scan");
+  if (options.layer == "height" || options.layer == "normal" || (from_scan && options.layer == "color"))
+    throw Error(ExitCode::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
+  // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
+  const std::string output = context.output.empty() ? options.file : context.output;
+  if (output != options.file)
+    check_paths_differ(context,
+                       {options.file, atlas_path(options.file), options.points, options.values, options.scan},
+                       {output, atlas_path(output)});
+  check_rbvh_output(output, context.force);
+  if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
+
+  Stopwatch watch;
+  Paint paint;
+  Scan scan;
+  if (from_scan)
+    scan = load_exact_scan(context, options.scan);
+  else
+    paint = read_paint(options);
+  Subject pair = load_subject(context, options.file);
+  Rbvh& rbvh = std::get<Rbvh>(pair.content);
+  move_to_shift(scan, rbvh.source.shift);
+  const std::vector<std::string> levels =
+      choose_levels(pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const double load_seconds = watch.lap();
+  PaintCounts counts;
+  std::optional<Device> device;
+  if (!from_scan) device = Device::open(context.device);
+  for (Level& level : rbvh.levels) {
+    if (std::find(levels.begin(), levels.end(), level.name) == levels.end()) continue;
+    if (from_scan) {
+      std::vector<Level> one;
+      one.push_back(std::move(level));
+      add_property_layers(one, scan, {options.layer}, options.scale.value_or(1), context.progress.callback());
+      level = std::move(one[0]);
+      continue;
+    }
+    Layer& layer = layer_of(level, options, paint.values.columns);
+    const PaintCounts painted =
+        paint_layer(make_point_index(*device, level), level, layer, paint.points, paint.values.values,
+                    options.radius, surface_reach(rbvh, options.reach));
+    context.report["levels"].push_back(
+        {{"name", level.name}, {"texels", painted.texels}, {"missed", painted.points_missed}});
+    counts.points_missed = std::max(counts.points_missed, painted.points_missed);
+    counts.texels += painted.texels;
+  }
+  if (counts.points_missed > 0)
+    warn(context, options.points + ": " + std::to_string(counts.points_missed) + " of " +
+                      std::to_string(paint.points.size()) +
+                      " points are further from the surface than --reach; they paint nothing");
+  const double paint_seconds = watch.lap();
+  const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
+  auto& report = context.report;
+  if (device) report["device"] = device_json(device->info());
+  report["timings"] = {{"load", load_seconds}, {"paint", paint_seconds}, {"write", watch.lap()}};
+  report["counts"] = {
+      {"points", paint.points.size()}, {"missed", counts.points_missed}, {"texels", counts.texels}};
+  report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
+  note(context, "rbvh paint: wrote " + output + " (layer " + options.layer + ", " +
+                    format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
+}
+
+}  // namespace
+
+void add_paint(CLI::App& app, Context& context) {
+  const auto options = std::make_shared<PaintOptions>();
+  CLI::App* stage = add_stage(
+      app, context,
+      {"paint", "Write values to a layer of a pair: at points, or from a scan",
+       "rbvh paint dragon.rbvh --layer wear --points p.npy --values v.npy --radius 0.01 -o painted.rbvh"},
+      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_paint(context, *options); });
+  stage->get_option("--output")
+      ->required(false)
+      ->description("the pair to write (default: FILE itself, with -f)");
+  stage->add_option("FILE", options->file, "an .rbvh pair")->required();
+  add_parsed(*stage, "--layer", options->layer, parse_layer_name, "NAME",
+             "the layer, made where it is not there; or color")
+      ->required();
+  stage->add_option("--points", options->points, "N x 3 float32: points on the surface")->type_name("FILE");
+  stage
+      ->add_option(
+          "--values", options->values,
+          "N x 1 to N x 4 float32, one row a point; nan takes a value away; of color three, sRGB from 0 to 1")
+      ->type_name("FILE");
+  add_parsed(
+      *stage, "--radius", options->radius, parse_distance, "R",
+      "paints what lies within, scan units; of several points the nearest (default: only the texels that "
+      "cover a point)");
+  stage
+      ->add_option("--scan", options->scan,
+                   "instead of points: the scan's vertex property of the layer's name, everywhere")
+      ->type_name("SCAN");
+  add_parsed(*stage, "--layer-scale", options->scale, parse_layer_scale, "S",
+             "of a new layer: its texels to one of the heights', 0.0625 to 16 (default: 1)");
+  add_parsed(*stage, "--reach", options->reach, parse_distance, "D",
+             "how far from the surface a point may lie, scan units (default: 1% of the diagonal)");
+  add_level_option(*stage, options->levels, true);
+}
+
+}  // namespace rbvh

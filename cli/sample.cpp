@@ -1,0 +1,80 @@
+// rbvh sample: reads a layer at points on the surface.
+#include <cmath>
+#include <memory>
+
+#include "cli/common.h"
+#include "cli/layer_options.h"
+#include "cli/stages.h"
+#include "io/output_file.h"
+#include "io/rbvh_file.h"
+#include "pipeline/rbvh/layers.h"
+
+namespace rbvh {
+namespace {
+
+struct SampleOptions {
+  std::string file, layer, points;
+  std::vector<std::string> levels;
+  std::optional<float> reach;
+};
+
+void run_sample(Context& context, const SampleOptions& options) {
+  check_paths_differ(context, {options.file, atlas_path(options.file), options.points}, {context.output});
+  check_output(context.output, context.force);
+  if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
+  Stopwatch watch;
+  const std::vector<Vec3f> points = read_points(options.points);
+  const Subject pair = load_subject(context, options.file);
+  const Level& level = *pair.rbvh()->find_level(choose_levels(pair, options.levels).front());
+  const Layer* layer = find_layer(level, options.layer);
+  if (layer == nullptr) {
+    std::string there;
+    for (const Layer& each : level.layers) there += (there.empty() ? "" : ", ") + each.name;
+    throw Error(ExitCode::kUsage, options.file,
+                "level " + level.name + " has no layer '" + options.layer + "'; there are " + there);
+  }
+  const double load_seconds = watch.lap();
+  const Device device = Device::open(context.device);
+  const std::vector<float> values = sample_layer(make_point_index(device, level), level, *layer, points,
+                                                 surface_reach(*pair.rbvh(), options.reach));
+  const double sample_seconds = watch.lap();
+  const std::size_t width = sample_width(*layer);
+  write_npy(context.output, values, width, context.force);
+  std::uint64_t missed = 0;
+  for (std::size_t i = 0; i < values.size(); i += width) missed += std::isnan(values[i]);
+  if (missed > 0)
+    detail(context, "rbvh sample: " + std::to_string(missed) + " points lie where the layer has no value");
+  context.report["device"] = device_json(device.info());
+  context.report["timings"] = {{"load", load_seconds}, {"sample", sample_seconds}, {"write", watch.lap()}};
+  context.report["counts"] = {{"points", points.size()}, {"without_value", missed}};
+  context.report["bytes"] = values.size() * sizeof(float);
+  context.report["level"] = level.name;
+}
+
+}  // namespace
+
+void add_sample(CLI::App& app, Context& context) {
+  const auto options = std::make_shared<SampleOptions>();
+  CLI::App* stage = add_stage(app, context,
+                              {"sample", "Read a pair's layer at points on its surface",
+                               "rbvh sample dragon.rbvh --layer wear --points p.npy -o values.npy"},
+                              kWithOutput | kWithDevice | kWithReport,
+                              [&context, options] { run_sample(context, *options); });
+  stage->add_option("FILE", options->file, "an .rbvh pair")->required();
+  add_parsed(
+      *stage, "--layer", options->layer, parse_layer_name, "NAME",
+      "which: of your own, or normal (3 values), color (3, sRGB from 0 to 1), height (how far the surface "
+      "lies above the point)")
+      ->required();
+  stage
+      ->add_option(
+          "--points", options->points,
+          "N x 3 float32 (-: standard input). Out come N x the layer's values, nan where there is none")
+      ->required()
+      ->type_name("FILE");
+  add_parsed(*stage, "--reach", options->reach, parse_distance, "D",
+             "how far from the surface a point may lie, scan units (default: 1% of the diagonal)");
+  add_level_option(*stage, options->levels, false);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,196 @@
+#include "pipeline/rbvh/lod.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/surface_distance.h"
+#include "pipeline/rbvh/texel.h"
+
+namespace rbvh {
+namespace {
+
+/// A texel's disc reaches past the middle between it and its diagonal neighbours.
+constexpr double kDiscPerTexel = 0.75;
+/// A surface that leans away from the tile stretches its texels; no further than this.
+constexpr double kMostStretch = 3;
+
+/// Writes down the vertices of one level's surface.
+class SurfaceScan {
+ public:
+  explicit SurfaceScan(const Level& level)
+      : level_(level),
+        heights_(level.layers.at(0).texels),
+        normals_(find_layer(level, "normal")),
+        colors_(find_layer(level, "color")) {}
+
+  /// The texel's point, with what its tile says of it.
+  std::uint32_t add_texel(Vec3f point, std::size_t texel, Vec3f otherwise_normal) {
+    const bool is_known = normals_ != nullptr && normals_->texels[texel] != 0;
+    return add(point, is_known ? unpack_normal(normals_->texels[texel]) : otherwise_normal, texel);
+  }
+
+  /// A point near a tile's surface: what the nearest texel says.
+  std::uint32_t add_point(Vec3f point, std::uint32_t leaf, Vec3f normal, bool keeps_normal) {
+    const std::size_t texel = nearest_texel(level_.leaves[leaf], point);
+    if (keeps_normal || heights_[texel] == 0) return add(point, normal, texel);
+    return add_texel(point, texel, normal);
+  }
+
+  Scan scan;
+
+ private:
+  std::uint32_t add(Vec3f point, Vec3f normal, std::size_t texel) {
+    scan.positions.push_back(point);
+    scan.normals.push_back(normal);
+    if (colors_ != nullptr) {
+      const Vec3f c = unpack_srgb(colors_->texels[texel]) * 255.0f + Vec3f{0.5f, 0.5f, 0.5f};
+      scan.colors.push_back(
+          {static_cast<std::uint8_t>(c.x), static_cast<std::uint8_t>(c.y), static_cast<std::uint8_t>(c.z)});
+    }
+    return static_cast<std::uint32_t>(scan.positions.size() - 1);
+  }
+
+  std::size_t nearest_texel(const RbvhLeaf& leaf, Vec3f point) const {
+    const Vec3f at = to_tile(leaf, point);
+    const auto place = [](float value, int size) {
+      return static_cast<std::size_t>(std::clamp(value + 0.5f, 0.0f, static_cast<float>(size - 1)));
+    };
+    return (leaf.y + place(at.y, leaf.height)) * level_.atlas_width + leaf.x + place(at.x, leaf.width);
+  }
+
+  const Level& level_;
+  const std::vector<std::uint16_t>& heights_;
+  const Layer* normals_;
+  const Layer* colors_;
+};
+
+void add_quads(const Level& level, SurfaceScan& surface) {
+  const std::vector<std::uint16_t>& heights = level.layers[0].texels;
+  constexpr std::uint32_t kNone = 0xffffffffu;
+  std::vector<std::uint32_t> vertices;
+  std::uint32_t current = kNone;
+  for_each_quad(level, [&](std::uint32_t k, std::uint32_t x, std::uint32_t y, std::size_t texel) {
+    const RbvhLeaf& leaf = level.leaves[k];
+    if (k != current) {
+      current = k;
+      vertices.assign(std::size_t{leaf.width} * leaf.height, kNone);
+    }
+    const TileFrame frame(leaf);
+    const auto vertex = [&](std::uint32_t i, std::uint32_t j) {
+      std::uint32_t& v = vertices[(y + j) * leaf.width + x + i];
+      const std::size_t at = texel + j * level.atlas_width + i;
+      if (v == kNone)
+        v = surface.add_texel(frame.at(x + i, y + j, heights[at]), at, Vec3f(normalized(frame.w)));
+      return v;
+    };
+    const std::uint32_t a = vertex(0, 0), b = vertex(1, 0), c = vertex(0, 1), d = vertex(1, 1);
+    surface.scan.triangles.push_back({a, b, d});
+    surface.scan.triangles.push_back({a, d, c});
+  });
+}
+
+void add_texel_discs(const Level& level, SurfaceScan& surface) {
+  const std::vector<std::uint16_t>& heights = level.layers[0].texels;
+  std::vector<bool> is_exact(level.leaves.size());
+  for (const RbvhExactLeaf& exact : level.exact_leaves) is_exact[exact.leaf] = true;
+  for (const RbvhNode& node : level.nodes) {
+    if (node.count == 0 || is_exact[node.first]) continue;
+    const RbvhLeaf& leaf = level.leaves[node.first];
+    const TileFrame frame(leaf);
+    const Vec3d outside = normalized(frame.w);
+    for (std::uint32_t y = 0; y < leaf.height; ++y)
+      for (std::uint32_t x = 0; x < leaf.width; ++x) {
+        const std::size_t at = (std::size_t{leaf.y} + y) * level.atlas_width + leaf.x + x;
+        if (heights[at] == 0) continue;
+        const Vec3f p = frame.at(x, y, heights[at]);
+        bool is_inside = true;
+        for (int axis = 0; axis < 3; ++axis)
+          is_inside = is_inside && p[axis] >= node.lo[axis] && p[axis] <= node.hi[axis];
+        if (!is_inside) continue;
+        surface.add_texel(p, at, Vec3f(outside));
+        const double lean = std::abs(dot(Vec3d(surface.scan.normals.back()), outside));
+        surface.scan.radii.push_back(static_cast<float>(
+            kDiscPerTexel * std::max(length(frame.u), length(frame.v)) / std::max(lean, 1 / kMostStretch)));
+      }
+  }
+}
+
+void add_exact(const Level& level, bool is_cloud, SurfaceScan& surface) {
+  for (const RbvhExactLeaf& exact : level.exact_leaves)
+    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
+      const float* s = level.exact_primitives[exact.first + i].shape;
+      const Vec3f p[3] = {{s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]}};
+      if (level.exact_discs) {
+        if (!is_cloud) continue;  // a mesh keeps triangles
+        surface.add_point(p[0], exact.leaf, {s[4], s[5], s[6]}, true);
+        surface.scan.radii.push_back(s[3]);
+        continue;
+      }
+      if (is_cloud) continue;
+      const Vec3f normal = normalized(cross(p[1] - p[0], p[2] - p[0]));
+      Triangle& triangle = surface.scan.triangles.emplace_back();
+      for (std::size_t c = 0; c < 3; ++c) triangle[c] = surface.add_point(p[c], exact.leaf, normal, false);
+    }
+}
+
+/// What the user wrote on the finer level, read at the derived levels' texels.
+void carry_layers(const Device& device, const Level& from, std::vector<Level>& derived) {
+  const auto is_users = [](const Layer& layer) { return !is_standard_layer(layer.name); };
+  if (std::none_of(from.layers.begin(), from.layers.end(), is_users)) return;
+  const PointIndex index = make_point_index(device, from);
+  for (const Layer& layer : from.layers) {
+    if (!is_users(layer)) continue;
+    double own = 0, heights = 0;
+    for (std::size_t i = 0; i < from.leaves.size(); ++i) {
+      own += layer_tile(from, layer, i).width - 1;
+      heights += from.leaves[i].width - 1;
+    }
+    for (Level& level : derived) {
+      Layer& to = level.layers.emplace_back(make_layer(level, layer.name, layer.channels, own / heights));
+      const LayerPoints points = layer_points(level, to);
+      const auto reach = static_cast<float>(2 * texel_side(level));
+      set_values(to, points.texels, sample_layer(index, from, layer, points.points, reach));
+    }
+  }
+}
+
+}  // namespace
+
+Scan scan_of_level(const Level& level, bool is_cloud) {
+  SurfaceScan surface(level);
+  if (is_cloud)
+    add_texel_discs(level, surface);
+  else
+    add_quads(level, surface);
+  add_exact(level, is_cloud, surface);
+  return std::move(surface.scan);
+}
+
+std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const Level& from,
+                                 const std::vector<LevelConfig>& levels, const Progress& progress) {
+  const bool is_cloud = rbvh.source.triangles == 0;
+  const Scan scan = scan_of_level(from, is_cloud);
+  if (scan.positions.empty() || scan.is_cloud() != is_cloud)
+    throw Error(ExitCode::kInput, "", "level " + from.name + " has no surface to derive another from");
+  BuildConfig config;
+  config.levels = levels;
+  config.area = rbvh.source.area;
+  std::vector<Level> derived = build_rbvh(device, scan, config, progress).levels;
+  for (Level& level : derived) level.derived_from = from.name;
+  carry_layers(device, from, derived);
+  return derived;
+}
+
+std::vector<std::size_t> choose_levels_by_bytes(std::span<const std::uint64_t> bytes, std::uint64_t most) {
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    if (bytes[i] > most) continue;
+    most -= bytes[i];
+    chosen.push_back(i);
+  }
+  return chosen;
+}
+
+}  // namespace rbvh

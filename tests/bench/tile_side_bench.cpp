@@ -1,0 +1,208 @@
+// The experiment of the paper's figure 4 (section 3.4): how large should tiles be? For each pixel-to-area
+// ratio levels with tiles of no more than so many texels a side are traced; the mean sides within 2% of the
+// best rate make an interval, and a logarithm is fitted to the intervals' midpoints. Writes figures down;
+// passes and fails nothing.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "io/scan_io.h"
+#include "pipeline/base/error.h"
+#include "pipeline/exact/trace_exact.h"
+#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/render/camera.h"
+#include "tests/bench/bench_rays.h"
+
+namespace rbvh::bench {
+namespace {
+
+constexpr float kSides[] = {6, 8, 11, 16, 22, 32, 45, 64, 90, 128, 180};
+constexpr double kPeakShare = 0.98;
+constexpr const char* kKinds[] = {"coherent", "incoherent"};
+
+struct Options {
+  std::string scan, device;
+  int rounds = 9;
+  std::uint32_t resolution = 1024;
+  SplitRule split = SplitRule::kSpatialMedian;
+  bool splits = false;  ///< table 1 instead
+};
+
+struct Trial {
+  RbvhTracer tracer;
+  double side = 0;  ///< mean of the tiles': the root of their mean texels
+  std::size_t leaves = 0;
+  std::vector<double>
+      rates[2];  ///< against the last trial's, measured right before: other work on the machine cancels
+  double rate[2] = {0, 0};  ///< their medians
+};
+
+double seconds_of(const Device& device, const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  device.finish();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// a ln(x) + b through the points, least squares.
+std::pair<double, double> fit_logarithm(const std::vector<std::pair<double, double>>& points) {
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (const auto& [rho, side] : points) {
+    const double l = std::log(rho);
+    n += 1, x += l, y += side, xx += l * l, xy += l * side;
+  }
+  const double a = (n * xy - x * y) / (n * xx - x * x);
+  return {a, (y - a * x) / n};
+}
+
+void run(const Options& options) {
+  const Device device = Device::open(options.device);
+  Scan scan = shift_to_float(read_scan(options.scan));
+  const Bounds3f box = bounds(scan);
+  const Camera camera = views_around(Bounds3d{Vec3d(box.lo), Vec3d(box.hi)}, {0, 1, 0}, 8, 1)[0];
+  const CameraRays primary = camera_rays(camera, options.resolution, options.resolution);
+  const std::size_t pixels = std::size_t{options.resolution} * options.resolution;
+  const Buffer<Hit> hits(device, pixels);
+
+  // One bounce from the exact surface: the same rays for all.
+  std::vector<Ray> diffuse;
+  {
+    const std::vector<Ray> first = primary_rays(primary);
+    const ExactTracer exact = make_exact_tracer(device, scan, {});
+    trace_rays(exact, Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
+    diffuse = diffuse_rays(first, hits.read(), 1e-3f * box.diagonal(), 1);
+  }
+  const Buffer<Ray> diffuse_buffer(device, diffuse);
+  const Buffer<Hit> diffuse_hits(device, diffuse.size());
+
+  const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
+    return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
+              trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
+            })};
+  };
+  const auto measure_all = [&](std::vector<Trial>& trials, std::size_t reference) {
+    for (int round = 0; round <= options.rounds; ++round)
+      for (Trial& trial : trials) {
+        const std::array<double, 2> base = measure(trials[reference]), own = measure(trial);
+        for (std::size_t kind = 0; kind < 2 && round > 0; ++kind)  // the first compiles, warms
+          trial.rates[kind].push_back(base[kind] / own[kind]);
+      }
+    for (Trial& trial : trials)
+      for (int kind = 0; kind < 2; ++kind) trial.rate[kind] = median(trial.rates[kind]);
+  };
+  const auto build = [&](const BuildConfig& config, BuildTimings* timings) {
+    const Level built = std::move(build_rbvh(device, scan, config, {}, timings).levels[0]);
+    Trial trial;
+    double texels = 0;
+    for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
+    trial.tracer = make_rbvh_tracer(device, built);
+    trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
+    trial.leaves = built.leaves.size();
+    return trial;
+  };
+
+  if (options.splits) {
+    std::printf(
+        "| level | split | tiles for | nodes | partition [s] | build [s] | primary | diffuse |\n"
+        "| --- | --- | --- | --- | --- | --- | --- | --- |\n");
+    for (const std::size_t level : {0u, 2u, 4u}) {
+      std::vector<Trial> trials;
+      std::vector<std::array<double, 2>> seconds;
+      for (const RaysKind rays : {RaysKind::kCoherent, RaysKind::kIncoherent})
+        for (const SplitRule split : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea}) {
+          BuildConfig config;
+          config.levels = {standard_levels()[level]};
+          config.split = split;
+          config.rays = rays;
+          BuildTimings timings;
+          const auto start = std::chrono::steady_clock::now();
+          trials.push_back(build(config, &timings));
+          const std::chrono::duration<double> all = std::chrono::steady_clock::now() - start;
+          seconds.push_back({timings.partition, all.count()});
+        }
+      measure_all(trials, 0);
+      for (std::size_t i = 0; i < trials.size(); ++i)
+        std::printf("| %s | %s | %s | %zu | %.2f | %.2f | %.2f | %.2f |\n",
+                    standard_levels()[level].name.c_str(), i % 2 == 0 ? "median" : "sah", kKinds[i / 2],
+                    2 * trials[i].leaves - 1, seconds[i][0], seconds[i][1], trials[i].rate[0],
+                    trials[i].rate[1]);
+      std::fflush(stdout);
+    }
+    return;
+  }
+
+  std::printf(
+      "| rho | largest side | mean side | leaves | primary | diffuse |\n"
+      "| --- | --- | --- | --- | --- | --- |\n");
+  std::vector<std::pair<double, double>> middles[2];
+  for (const LevelConfig& level : standard_levels()) {
+    std::vector<Trial> trials;
+    for (const float side : kSides) {
+      BuildConfig config;
+      config.levels = {level};
+      config.split = options.split;
+      config.tile_side = side;
+      Trial trial = build(config, nullptr);
+      if (!trials.empty() && trials.back().leaves == trial.leaves) break;  // no tile is that large
+      trials.push_back(std::move(trial));
+    }
+    measure_all(trials, trials.size() - 1);
+    for (std::size_t i = 0; i < trials.size(); ++i)
+      std::printf("| %.0f | %.0f | %.1f | %zu | %.2f | %.2f |\n", static_cast<double>(level.rho),
+                  static_cast<double>(kSides[i]), trials[i].side, trials[i].leaves, trials[i].rate[0],
+                  trials[i].rate[1]);
+    for (int kind = 0; kind < 2; ++kind) {
+      double peak = 0, lo = 1e30, hi = 0;
+      for (const Trial& trial : trials) peak = std::max(peak, trial.rate[kind]);
+      for (const Trial& trial : trials) {
+        if (trial.rate[kind] < kPeakShare * peak) continue;
+        lo = std::min(lo, trial.side);
+        hi = std::max(hi, trial.side);
+      }
+      middles[kind].emplace_back(level.rho, (lo + hi) / 2);
+    }
+    std::fflush(stdout);
+  }
+  std::printf("\n| rays | rho: middle of the best mean sides | fit |\n| --- | --- | --- |\n");
+  for (int kind = 0; kind < 2; ++kind) {
+    std::printf("| %s | ", kKinds[kind]);
+    for (const auto& [rho, side] : middles[kind]) std::printf("%.0fk: %.1f; ", rho / 1000, side);
+    const auto [a, b] = fit_logarithm(middles[kind]);
+    std::printf("| %.2f ln rho %+.2f |\n", a, b);
+  }
+}
+
+}  // namespace
+}  // namespace rbvh::bench
+
+int main(int argc, char** argv) {
+  rbvh::bench::Options options;
+  bool sah = false;
+  CLI::App app("How large tiles should be: the experiment of the paper's figure 4.");
+  app.add_option("SCAN", options.scan, "a scan, as ingest writes it")->required();
+  app.add_option("--device", options.device, "OpenCL device");
+  app.add_option("--rounds", options.rounds, "repetitions, all sides in turn (the median counts)");
+  app.add_option("--resolution", options.resolution, "pixels both ways, a multiple of 8");
+  app.add_flag("--splits", options.splits, "table 1 instead: spatial median against surface area heuristic");
+  app.add_flag("--sah", sah, "split by the surface area heuristic");
+  CLI11_PARSE(app, argc, argv);
+  if (sah) options.split = rbvh::SplitRule::kSurfaceArea;
+  try {
+    rbvh::bench::run(options);
+  } catch (const rbvh::Error& error) {
+    std::fprintf(stderr, "tile_side_bench: %s\n", error.what());
+    return static_cast<int>(error.code());
+  }
+  return 0;
+}

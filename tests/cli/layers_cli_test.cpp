@@ -1,0 +1,276 @@
+// lod, paint, sample and what build has for them, through the binary.
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "io/npy.h"
+#include "tests/run_tool.h"
+
+namespace rbvh {
+namespace {
+
+using Json = nlohmann::json;
+
+class Detail : public ToolTest {
+ protected:
+  void SetUp() override {
+    ToolTest::SetUp();
+    write("ball.ply", ball_ply(16));
+  }
+  void good(const std::string& words) const {
+    const ToolRun run = tool(words + " -q");
+    EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
+    EXPECT_EQ(run.err, "") << words;
+  }
+  /// Fails with one line that has `part`, and leaves nothing.
+  void bad(const std::string& words, int code, const std::string& part) const {
+    const std::string before = files();
+    const ToolRun run = tool(words + " -q");
+    EXPECT_EQ(run.code, code) << words << "\n" << run.err;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+    EXPECT_NE(run.err.find(part), std::string::npos) << run.err << " lacks " << part;
+    EXPECT_EQ(files(), before) << words;
+  }
+  std::string levels(const std::string& file) const {
+    std::string names;
+    const Json json = info(file);
+    for (const Json& level : json["levels"])
+      names += level["name"].get<std::string>() + (level["derived_from"].is_null() ? " " : "* ");
+    return names;
+  }
+  Json info(const std::string& file) const {
+    const ToolRun run = tool("info --json " + file);  // which checks it as validate does
+    EXPECT_EQ(run.code, 0) << run.err;
+    return Json::parse(run.out, nullptr, false);
+  }
+  std::uintmax_t bytes(const std::string& stem) const {
+    return std::filesystem::file_size(path(stem + ".rbvh")) +
+           std::filesystem::file_size(path(stem + ".atlas.tif"));
+  }
+};
+
+TEST_F(Detail, LodKeepsDropsAndDerivesLevelsByName) {
+  good("build ball.ply -o a.rbvh --levels Q2,Q4");
+  good("lod a.rbvh --levels Q4 -o kept.rbvh --report r.json");
+  EXPECT_EQ(levels("kept.rbvh"), "Q4 ");
+  EXPECT_EQ(Json::parse(read("r.json"))["levels"][0]["name"], "Q4");
+  good("lod a.rbvh --drop Q2 -o dropped.rbvh");
+  EXPECT_EQ(read("dropped.rbvh"), read("kept.rbvh"));
+  EXPECT_EQ(read("dropped.atlas.tif"), read("kept.atlas.tif"));
+  good("lod a.rbvh --levels Q3,Q4 -o derived.rbvh");
+  EXPECT_EQ(levels("derived.rbvh"), "Q3* Q4 ");
+  good("lod a.rbvh --levels Q3,Q4 -o again.rbvh --threads 1");
+  EXPECT_EQ(read("again.rbvh"), read("derived.rbvh"));
+  EXPECT_EQ(read("again.atlas.tif"), read("derived.atlas.tif"));
+  good("render derived.rbvh --level Q3 -o q3.png --resolution 64,64");
+  bad("lod a.rbvh --levels Q0 -o x.rbvh", 2, "Q0");
+  bad("lod a.rbvh --levels Q9 -o x.rbvh", 2, "Q9");
+  bad("lod a.rbvh --drop Q3 -o x.rbvh", 2, "Q3");
+  bad("lod a.rbvh --drop Q2,Q4 -o x.rbvh", 2, "no level");
+  bad("lod a.rbvh -o x.rbvh", 2, "--levels");
+  bad("lod ball.ply --levels Q1 -o x.rbvh", 3, "no .rbvh");
+  bad("lod a.rbvh --levels Q2 -o kept.rbvh", 1, "kept.rbvh");
+  bad("lod a.rbvh --levels Q2 -o a.rbvh -f", 2, "a.rbvh");
+}
+
+TEST_F(Detail, LodFitsIntoBytes) {
+  good("build ball.ply -o a.rbvh --levels Q3,Q4 --hybrid off");
+  const std::uintmax_t all = bytes("a");
+  good("lod a.rbvh --max-bytes " + std::to_string(all) + " -o all.rbvh");
+  EXPECT_EQ(levels("all.rbvh"), "Q3 Q4 ");
+  good("lod a.rbvh --max-bytes " + std::to_string(all - 1) + " -o less.rbvh");
+  EXPECT_EQ(levels("less.rbvh"), "Q3 ");
+  EXPECT_LT(bytes("less"), all);
+  good("lod a.rbvh --levels Q3 -o one.rbvh");
+  good("lod one.rbvh --max-bytes " + std::to_string(bytes("one") - 1) + " -o small.rbvh");
+  EXPECT_EQ(levels("small.rbvh"), "Q4* ");
+  EXPECT_LT(bytes("small"), bytes("one"));
+  bad("lod a.rbvh --max-bytes 2kB -o x.rbvh", 5, "no level fits");
+  bad("lod a.rbvh --max-bytes none -o x.rbvh", 2, "--max-bytes");
+}
+
+TEST_F(Detail, LodKeepsToAnError) {
+  good("build ball.ply -o plain.rbvh --levels Q4 --hybrid off");
+  bad("lod plain.rbvh --max-error 1 -o x.rbvh", 3, "--measure");
+  good("lod plain.rbvh --max-error 90 -o coarse.rbvh --against ball.ply --views 2 --resolution 128");
+  EXPECT_EQ(levels("coarse.rbvh"), "Q4 ");
+  EXPECT_TRUE(info("coarse.rbvh")["levels"][0]["fidelity"].contains("image"));
+  good("build ball.ply -o a.rbvh --levels Q3,Q4 --hybrid off --measure --views 2 --resolution 128");
+  const Json measured = info("a.rbvh")["levels"];
+  double error[2];
+  for (std::size_t i = 0; i < 2; ++i)
+    error[i] = std::max(measured[i]["fidelity"]["level_to_scan"]["rms_percent"].get<double>(),
+                        measured[i]["fidelity"]["scan_to_level"]["rms_percent"].get<double>());
+  EXPECT_LT(error[0], error[1]);
+  good("lod a.rbvh --max-error " + std::to_string(1.01 * error[0]) + " -o middle.rbvh");
+  EXPECT_EQ(levels("middle.rbvh"), "Q3 ");
+  EXPECT_EQ(info("middle.rbvh")["levels"][0]["fidelity"], measured[0]["fidelity"])
+      << "what was measured stays";
+  bad("lod a.rbvh --max-error " + std::to_string(0.5 * error[0]) + " -o x.rbvh", 5, "no level is within");
+}
+
+TEST_F(Detail, BuildMeasuresAndValidateHoldsItAgainst) {
+  good(
+      "build ball.ply -o a.rbvh --levels Q4 --hybrid off --measure --report r.json --views 2 --resolution "
+      "128");
+  EXPECT_GT(Json::parse(read("r.json"))["levels"][0]["fidelity"]["image"]["ssim"], 0.5);
+  const Json stored = info("a.rbvh")["levels"][0]["fidelity"];
+  EXPECT_EQ(stored["views"], 2);
+  EXPECT_EQ(stored["resolution"], 128);
+  EXPECT_GT(stored["image_relative"], 0.0);
+  EXPECT_NE(tool("info a.rbvh").out.find("of the control's; 2 views"), std::string::npos);
+  const ToolRun same =
+      tool("validate a.rbvh --against ball.ply --json --progress none --views 2 --resolution 128");
+  EXPECT_EQ(same.code, 0) << same.err;
+  EXPECT_EQ(same.err.find("warning"), std::string::npos) << same.err;
+  const Json found = Json::parse(same.out)["fidelity"][0];
+  EXPECT_EQ(found["as_stored"], true);
+  EXPECT_EQ(found["stored"], stored);
+  EXPECT_NEAR(found["image"]["rmse"].get<double>(), stored["image"]["rmse"].get<double>(), 1e-5);
+  EXPECT_NEAR(found["image_relative"].get<double>(), stored["image_relative"].get<double>(), 1e-4);
+  // Other views say nothing; another scan is told.
+  const ToolRun other = tool("validate a.rbvh --against ball.ply --json --views 1 --resolution 64 -q");
+  EXPECT_TRUE(Json::parse(other.out)["fidelity"][0]["as_stored"].is_null());
+  write("rough.ply", ball_ply(7));
+  const ToolRun rough =
+      tool("validate a.rbvh --against rough.ply --json --progress none --views 2 --resolution 128");
+  EXPECT_EQ(Json::parse(rough.out)["fidelity"][0]["as_stored"], false);
+  EXPECT_NE(rough.err.find("where the file says"), std::string::npos) << rough.err;
+}
+
+TEST_F(Detail, PaintThenSampleGivesBackWhatWasPainted) {
+  good("build ball.ply -o a.rbvh --levels Q2,Q4");
+  // Points on the ball, from rays.
+  write_npy(path("rays.npy"), std::vector<float>{0.3f, 0.2f, 4, 0, 0, -1, -0.3f, 0.1f, 4, 0, 0, -1}, 6,
+            false);
+  good("trace a.rbvh --level Q2 --rays rays.npy -o hits.npy");
+  const std::size_t eight[] = {8}, one[] = {1}, three[] = {3};
+  const FloatTable hits = read_npy(path("hits.npy"), eight);
+  const std::vector<float> points = {0.3f, 0.2f, 4 - hits.values[0], -0.3f, 0.1f, 4 - hits.values[8], 5,
+                                     5,    5};
+  write_npy(path("p.npy"), points, 3, false);
+  write_npy(path("v.npy"), std::vector<float>{1.5f, -2, 9}, 1, false);
+  const ToolRun paint = tool(
+      "paint a.rbvh --layer wear --points p.npy --values v.npy --radius 0.1 -o b.rbvh --layer-scale 2 "
+      "--report r.json");
+  EXPECT_EQ(paint.code, 0) << paint.err;
+  EXPECT_NE(paint.err.find("1 of 3 points"), std::string::npos) << "one is off the surface: " << paint.err;
+  const Json report = Json::parse(read("r.json"));
+  EXPECT_EQ(report["counts"]["missed"], 1);
+  EXPECT_GT(report["counts"]["texels"], 100);
+  EXPECT_EQ(info("b.rbvh")["levels"][1]["layers"].back()["name"], "wear");
+  for (const char* level : {"Q2", "Q4"}) {
+    good(std::string("sample b.rbvh --layer wear --points p.npy -f -o s.npy --level ") + level);
+    const FloatTable values = read_npy(path("s.npy"), one);
+    EXPECT_NEAR(values.values[0], 1.5, 1e-3) << level;
+    EXPECT_NEAR(values.values[1], -2, 1e-3) << level;
+    EXPECT_TRUE(std::isnan(values.values[2]));
+  }
+  // Derived levels carry it.
+  good("lod b.rbvh --levels Q3 -o c.rbvh");
+  good("sample c.rbvh --layer wear --points p.npy -f -o s.npy");
+  EXPECT_NEAR(read_npy(path("s.npy"), one).values[1], -2, 1e-3);
+  // In place, with -f only; on the layer that is there.
+  bad("paint b.rbvh --layer wear --points p.npy --values v.npy", 1, "b.rbvh");
+  bad("paint b.rbvh --layer wear --points p.npy --values v.npy --layer-scale 2 -o x.rbvh", 2,
+      "--layer-scale");
+  write_npy(path("w.npy"), std::vector<float>{40, 41, 42}, 1, false);
+  good("paint b.rbvh --layer wear --points p.npy --values w.npy -f");
+  good("sample b.rbvh --layer wear --points p.npy -f -o s.npy");
+  EXPECT_NEAR(read_npy(path("s.npy"), one).values[0], 40, 1e-3);
+  good("render b.rbvh --color-layer wear -o wear.png --resolution 64,64");
+  good("render b.rbvh -o plain.png --resolution 64,64");
+  EXPECT_NE(read("wear.png"), read("plain.png"));
+  bad("render b.rbvh --color-layer none -o x.png", 2, "none");
+  good("sample b.rbvh --layer normal --points p.npy -o n.npy");
+  EXPECT_GT(read_npy(path("n.npy"), three).values[2], 0.7f);
+  good("sample b.rbvh --layer height --points p.npy -o h.npy");
+  EXPECT_NEAR(read_npy(path("h.npy"), one).values[0], 0, 1e-3);
+  bad("sample b.rbvh --layer none --points p.npy -o x.npy", 2, "no layer");
+  bad("sample ball.ply --layer none --points p.npy -o x.npy", 3, "no .rbvh");
+  bad("paint b.rbvh --layer height --points p.npy --values v.npy -o x.rbvh", 2, "height");
+  bad("paint b.rbvh --layer wear --points p.npy -o x.rbvh", 2, "--values");
+  bad("paint b.rbvh --layer a/b --points p.npy --values v.npy -o x.rbvh", 2, "--layer");
+  bad("paint b.rbvh --layer wear --points p.npy --values hits.npy -o x.rbvh", 3, "hits.npy");
+  bad("paint b.rbvh --layer wear --points v.npy --values v.npy -o x.rbvh", 3, "v.npy");
+  bad("paint b.rbvh --layer wear --points p.npy --values p.npy -o x.rbvh", 2, "3");
+  bad("paint b.rbvh --layer new --points p.npy --values v.npy --layer-scale 99 -o x.rbvh", 2,
+      "--layer-scale");
+  bad("paint b.rbvh --layer wear --points p.npy --values v.npy --radius -1 -o x.rbvh", 2, "--radius");
+}
+
+TEST_F(Detail, PropertiesOfTheScanBecomeLayers) {
+  std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 400\nproperty float x\nproperty float y\nproperty float z\n"
+      "property float heat\nelement face 722\nproperty list uchar int vertex_indices\nend_header\n";
+  for (int j = 0; j < 20; ++j)
+    for (int i = 0; i < 20; ++i)
+      ply += std::to_string(i) + " " + std::to_string(j) + " 0 " + std::to_string(10 * i + 1) + "\n";
+  for (int j = 0; j < 19; ++j)
+    for (int i = 0; i < 19; ++i) {
+      const int a = 20 * j + i;
+      ply += "3 " + std::to_string(a) + " " + std::to_string(a + 1) + " " + std::to_string(a + 20) + "\n3 " +
+             std::to_string(a + 1) + " " + std::to_string(a + 21) + " " + std::to_string(a + 20) + "\n";
+    }
+  write("grid.ply", ply);
+  good("build grid.ply -o a.rbvh --levels Q3 --layer heat --layer-scale 0.5");
+  good("build grid.ply -o b.rbvh --levels Q3");
+  good("paint b.rbvh --layer heat --scan grid.ply --layer-scale 3 -f");
+  write_npy(path("p.npy"), std::vector<float>{5.25f, 7, 0, 12.5f, 3.3f, 0}, 3, false);
+  const std::size_t one[] = {1};
+  for (const char* file : {"a.rbvh", "b.rbvh"}) {
+    good(std::string("sample -f -o s.npy --layer heat --points p.npy ") + file);
+    const FloatTable values = read_npy(path("s.npy"), one);
+    EXPECT_NEAR(values.values[0], 53.5, 0.1) << file;
+    EXPECT_NEAR(values.values[1], 126, 0.1) << file;
+  }
+  EXPECT_EQ(info("a.rbvh")["build_options"]["layer_scale"], 0.5);
+  const Json layer = info("b.rbvh")["levels"][0]["layers"].back();
+  EXPECT_NEAR(layer["lo"].get<double>(), 1, 1e-3);
+  EXPECT_NEAR(layer["hi"].get<double>(), 191, 1e-3);
+  EXPECT_NE(layer["atlas"], info("b.rbvh")["levels"][0]["atlas"]);
+  bad("build grid.ply -o x.rbvh --levels Q3 --layer cold", 2, "cold");
+  bad("paint b.rbvh --layer cold --scan grid.ply -o x.rbvh", 2, "cold");
+}
+
+TEST_F(Detail, RaysChooseTheirLevelByTheirWidth) {
+  good("build ball.ply -o a.rbvh --levels Q1,Q4");
+  good("render a.rbvh --level auto -o '{level}.png' --resolution 32,32");
+  good("render a.rbvh --level Q4 -o '{level}.png' --resolution 32,32");
+  EXPECT_EQ(read("auto.png"), read("Q4.png")) << "a pixel covers many texels";
+  write_npy(path("rays.npy"), std::vector<float>{0, 0, 4, 0, 0, -2}, 6, false);
+  const std::size_t eight[] = {8};
+  const auto leaf = [&](const std::string& words) {
+    good("trace a.rbvh --rays rays.npy -f -o hits.npy " + words);
+    return read_npy(path("hits.npy"), eight).values[6];
+  };
+  const float fine = static_cast<float>(info("a.rbvh")["levels"][0]["leaves"].get<int>());
+  EXPECT_LT(leaf("--level auto --cone 0"), fine);
+  EXPECT_GE(leaf("--level auto --cone 20"), fine) << "leaves of all levels are numbered through";
+  bad("trace a.rbvh --rays rays.npy -o x.npy --level auto", 2, "--cone");
+  bad("trace a.rbvh --rays rays.npy -o x.npy --cone 1", 2, "--cone");
+  bad("sample a.rbvh --layer normal --points rays.npy -o x.npy --level auto", 3, "rays.npy");
+  bad("validate a.rbvh --against ball.ply --level auto", 2, "auto");
+}
+
+TEST_F(Detail, PartitionOptionsChangeThePair) {
+  good("build ball.ply -o a.rbvh --levels Q3");
+  const Json plain = info("a.rbvh");
+  EXPECT_EQ(plain["build_options"]["split"], "median");
+  for (const std::string words :
+       {"--split sah", "--rays incoherent", "--focus 0,0,1 --focus-radius 0.3 --focus-level Q2",
+        "--focus-camera 0,0,3"}) {
+    good("build ball.ply -f -o b.rbvh --levels Q3 " + words);
+    EXPECT_NE(read("b.atlas.tif"), read("a.atlas.tif")) << words;
+    EXPECT_NE(info("b.rbvh")["build_options"], plain["build_options"]) << words;
+  }
+  good("build ball.ply -f -o b.rbvh --levels Q3 --rays coherent --split median");
+  EXPECT_EQ(read("b.rbvh"), read("a.rbvh"));
+  for (const std::string words :
+       {"--split no", "--rays no", "--focus 0,0", "--focus 0,0,0", "--focus-radius 1",
+        "--focus 0,0,0 --focus-radius 0", "--focus-camera 0,0,3 --focus-level Q7",
+        "--focus 0,0,0 --focus-radius 1 --focus-camera 0,0,3"})
+    bad("build ball.ply -o x.rbvh --levels Q3 " + words, 2, "");
+}
+
+}  // namespace
+}  // namespace rbvh

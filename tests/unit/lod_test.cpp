@@ -1,0 +1,106 @@
+// Levels made of levels, and sets of them that fit.
+#include "pipeline/rbvh/lod.h"
+
+#include <gtest/gtest.h>
+
+#include "pipeline/rbvh/check_rbvh.h"
+#include "pipeline/rbvh/surface_distance.h"
+#include "pipeline/scan/complete_cloud.h"
+#include "tests/shapes.h"
+
+namespace rbvh {
+namespace {
+
+std::vector<LevelConfig> configs(std::initializer_list<const char*> names) {
+  std::vector<LevelConfig> chosen;
+  for (const LevelConfig& level : standard_levels())
+    if (std::find(names.begin(), names.end(), level.name) != names.end()) chosen.push_back(level);
+  return chosen;
+}
+
+TEST(Lod, TakesTheFinestSetThatFits) {
+  using Set = std::vector<std::size_t>;
+  const std::vector<std::uint64_t> bytes = {700, 400, 200, 60, 20};
+  EXPECT_EQ(choose_levels_by_bytes(bytes, 1380), (Set{0, 1, 2, 3, 4}));
+  EXPECT_EQ(choose_levels_by_bytes(bytes, 1379), (Set{0, 1, 2, 3}));
+  EXPECT_EQ(choose_levels_by_bytes(bytes, 800), (Set{0, 3, 4}));
+  EXPECT_EQ(choose_levels_by_bytes(bytes, 699), (Set{1, 2, 3, 4}));
+  EXPECT_EQ(choose_levels_by_bytes(bytes, 59), (Set{4}));
+  EXPECT_EQ(choose_levels_by_bytes(bytes, 19), Set{});
+  EXPECT_EQ(choose_levels_by_bytes({}, 19), Set{});
+}
+
+TEST(Lod, TheScanOfALevelIsItsSurface) {
+  Scan scan = bumpy_sphere(60);
+  for (const Vec3f& p : scan.positions)
+    scan.colors.push_back({static_cast<std::uint8_t>(p.z > 0 ? 255 : 0), 0, 0});
+  BuildConfig config;
+  config.levels = configs({"Q2"});
+  const Level level = std::move(build_rbvh(Device::open(), scan, config).levels[0]);
+  const Scan again = scan_of_level(level, false);
+  ASSERT_EQ(again.normals.size(), again.positions.size());
+  ASSERT_EQ(again.colors.size(), again.positions.size());
+  EXPECT_EQ(again.triangles.size() * 3, surface_of(level).size());
+  const ClosestPoint original(surface_of(scan));
+  for (std::size_t i = 0; i < again.positions.size(); i += 7) {
+    const Vec3f p = again.positions[i];
+    EXPECT_LT(original.distance(p), 5e-3f);
+    EXPECT_GT(dot(again.normals[i], normalized(p)), 0.6f);
+    if (std::abs(p.z) > 0.1f) {
+      EXPECT_EQ(again.colors[i][0], p.z > 0 ? 255 : 0);
+    }
+  }
+}
+
+TEST(Lod, DerivedLevelsAreNearlyAsCloseAsThoseOfTheScan) {
+  const Device device = Device::open();
+  Scan scan = bumpy_sphere(40);
+  // Sheets that cross: leaves that keep their triangles.
+  add_sheet(scan, 3, [](float s, float t) { return Vec3f{2 + s, t, 0.3f * s}; });
+  add_sheet(scan, 3, [](float s, float t) { return Vec3f{2 + s, t, 0.3f - 0.3f * s}; });
+  BuildConfig config;
+  config.levels = configs({"Q1", "Q3"});
+  Rbvh rbvh = build_rbvh(device, scan, config);
+  const ClosestPoint original(surface_of(scan));
+  std::vector<Level> derived = derive_levels(device, rbvh, rbvh.levels[0], configs({"Q3", "Q4"}));
+  ASSERT_EQ(derived.size(), 2u);
+  EXPECT_EQ(derived[0].derived_from, "Q1");
+  EXPECT_FALSE(derived[0].fidelity.measured);
+  EXPECT_NEAR(texel_side(derived[0]), texel_side(rbvh.levels[1]), 0.25 * texel_side(rbvh.levels[1]));
+  const auto rms = [&](const Level& level) {
+    return std::max(sampled_distance(surface_of(level), original, 20000).rms,
+                    sampled_distance(surface_of(scan), ClosestPoint(surface_of(level)), 20000).rms);
+  };
+  EXPECT_LT(rms(derived[0]), 2 * rms(rbvh.levels[1]));
+  Rbvh small;
+  small.source = rbvh.source;
+  small.levels = std::move(derived);
+  EXPECT_EQ(find_fault(small).value_or(""), "");
+  EXPECT_EQ(find_texel_fault(small).value_or(""), "");
+}
+
+TEST(Lod, CloudsAreDerivedAsDiscs) {
+  const Device device = Device::open();
+  Scan scan;
+  for (int j = 0; j < 60; ++j)
+    for (int i = 0; i < 60; ++i)
+      scan.positions.push_back({0.02f * static_cast<float>(i), 0.02f * static_cast<float>(j),
+                                0.2f * std::sin(0.1f * static_cast<float>(i))});
+  complete_cloud(scan, {});
+  BuildConfig config;
+  config.levels = configs({"Q0", "Q3"});
+  const Rbvh rbvh = build_rbvh(device, scan, config);
+  for (const std::size_t from : {0u, 1u}) {
+    const Scan discs = scan_of_level(rbvh.levels[from], true);
+    EXPECT_TRUE(discs.is_cloud());
+    EXPECT_EQ(discs.radii.size(), discs.positions.size());
+    const std::vector<Level> derived = derive_levels(device, rbvh, rbvh.levels[from], configs({"Q4"}));
+    const ClosestPoint points(surface_of(scan)), level(surface_of(derived[0]));
+    const double texel = texel_side(derived[0]);
+    EXPECT_LT(sampled_distance(surface_of(scan), level, 5000).rms, texel) << from;
+    EXPECT_LT(sampled_distance(surface_of(derived[0]), points, 5000).rms, texel) << from;
+  }
+}
+
+}  // namespace
+}  // namespace rbvh
