@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -69,10 +70,10 @@ void fill_block(const Bvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBloc
 
 }  // namespace
 
-Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
-  Wide16Layout layout;
-  layout.scene.root = EXACT_LEAF_BIT;  // the empty block
-  std::vector<std::uint32_t> leaves;   // binary leaf of block i + 1
+Wide16Nodes flatten_wide16_nodes(const Bvh& bvh) {
+  Wide16Nodes layout;
+  layout.scene.root = EXACT_LEAF_BIT;
+  std::vector<std::uint32_t>& leaves = layout.leaves;
   const auto child_of = [&](std::uint32_t binary, auto&& inner) {
     if (bvh.nodes[binary].count == 0) return inner();
     leaves.push_back(binary);
@@ -118,7 +119,16 @@ Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
     if (layout.nodes.size() < open.size()) layout.nodes.resize(open.size());
     layout.nodes[item.wide] = node;
   }
+  return layout;
+}
 
+Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
+  Wide16Nodes wide = flatten_wide16_nodes(bvh);
+  Wide16Layout layout;
+  layout.scene = wide.scene;
+  layout.nodes = std::move(wide.nodes);
+  layout.stack = wide.stack;
+  const std::vector<std::uint32_t>& leaves = wide.leaves;
   layout.blocks.assign(leaves.size() + 1, empty_block());
   parallel_for(leaves.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)

@@ -1,0 +1,371 @@
+// Ray casting proxies untessellated (Harada, "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU
+// Pro 6, sections 1.4 and 1.5). Rays meet instances, then patches' boxes (cast_top). A patch whose hierarchy is there
+// is met at once; for the others ray and patch become a pair, pairs are sorted by patch, hierarchies built
+// (build_patches.cl), and groups take patch after patch from a queue and meet all its rays (cast_patches). What was
+// found is then the rays' (take_hits).
+//
+// A round takes only the nearest few patches of each ray: most rays need no more, and what lies behind their hits is
+// never built.
+//
+// GROUP work-items share a job; WIDE: boxes are met 16 at once; STACK: entries of the upper hierarchies' stack;
+// MOST: pairs a ray and round; ATOMICS: nearest hits by 64-bit atomic minimum, else in order.
+#include "patch_query.h"
+
+#ifdef ATOMICS
+#pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
+#pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
+#endif
+
+// The ray in the object's space; t stays what it was.
+static inline Ray object_ray(__global const PatchInstance* instance, const Ray* ray) {
+  Ray r;
+  for (uint row = 0; row < 3; ++row) {
+    __global const float* m = instance->to_object + 4 * row;
+    r.origin[row] = m[0] * ray->origin[0] + m[1] * ray->origin[1] + m[2] * ray->origin[2] + m[3];
+    r.direction[row] = m[0] * ray->direction[0] + m[1] * ray->direction[1] + m[2] * ray->direction[2];
+  }
+  r.tmin = ray->tmin;
+  r.tmax = ray->tmax;
+  return r;
+}
+
+static inline float ray_speed(const Ray* ray) { return length(vload3(0, ray->direction)); }
+
+// prepare() with the object's box, which is what rounding is measured by.
+static inline bool prepare_in(__global const PatchInstance* instance, const Ray* ray, Query* q) {
+  ExactScene box;
+  for (uint axis = 0; axis < 3; ++axis) {
+    box.lo[axis] = instance->lo[axis];
+    box.hi[axis] = instance->hi[axis];
+  }
+  return prepare(ray, &box, q);
+}
+
+static inline Hit make_hit(const PatchFound* found, __global const PatchInstance* instance, uint patch,
+                           const Ray* ray) {
+  Hit hit;
+  hit.t = INFINITY;
+  hit.normal[0] = hit.normal[1] = hit.normal[2] = 0.0f;
+  hit.u = hit.v = 0.0f;
+  hit.leaf = RBVH_NO_LEAF;
+  hit.flags = 0;
+  if (found->hit) {
+    // A normal goes the other way through the transposed map.
+    __global const float* m = instance->to_object;
+    float3 n;
+    n.x = m[0] * found->normal[0] + m[4] * found->normal[1] + m[8] * found->normal[2];
+    n.y = m[1] * found->normal[0] + m[5] * found->normal[1] + m[9] * found->normal[2];
+    n.z = m[2] * found->normal[0] + m[6] * found->normal[1] + m[10] * found->normal[2];
+    const float3 d = vload3(0, ray->direction);
+    n = dot(n, n) > 0.0f ? normalize(n) : -normalize(d);
+    hit.t = found->t;
+    hit.normal[0] = n.x;
+    hit.normal[1] = n.y;
+    hit.normal[2] = n.z;
+    hit.u = found->u;
+    hit.v = found->v;
+    hit.leaf = instance->first_leaf + (patch - instance->first_patch);
+    hit.flags = dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
+  }
+  return hit;
+}
+
+// A patch that a ray enters at t and that is not built.
+typedef struct Candidate {
+  float t;
+  uint pair;
+} Candidate;
+
+typedef struct Scene {
+  __global const ExactNode* nodes;
+  __global const PatchInstance* instances;
+  __global const Patch* patches;
+  __global const PatchParts* parts;
+  __global const PatchSlot* slots;
+  __global const PatchBlock* cache;
+  __global const uint* links;
+} Scene;
+
+typedef struct Search {
+  uint any, at_once, most;
+  RayDetail detail;
+  PatchProgress after;  // patches entered before are done with
+  float limit;          // nearest hit so far
+  Candidate nearest[MOST];
+  uint count;
+  uint visited;
+  Hit hit;
+} Search;
+
+static inline float search_limit(const Search* s) {
+  return s->count == s->most ? min(s->limit, s->nearest[s->most - 1].t) : s->limit;
+}
+
+static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Ray* ray,
+                              const Query* q, Search* s) {
+  __global const Patch* p = scene->patches + patch;
+  const PatchRay r = patch_ray(p, q);
+  float16 entry;
+  const uint mask = meet_planes16(scene->parts[patch].planes, q, &r, search_limit(s), &entry);
+  ++s->visited;
+  if (mask == 0) return;
+  float t16[16];
+  vstore16(entry, 0, t16);
+  float t = INFINITY;
+  for (uint rest = mask; rest != 0; rest &= rest - 1) t = min(t, t16[lowest_bit(rest)]);
+  const uint pair = instance->first_pair + (patch - instance->first_patch);
+  if (t < s->after.t || (t == s->after.t && pair <= s->after.pair)) return;
+  const PatchSlot slot = scene->slots[patch];
+  if (s->at_once && slot.at != PATCH_NOT_BUILT) {
+    __global const PatchBlock* blocks = scene->cache + slot.at;
+    const PatchTree tree = {blocks, slot_vertices(blocks, slot.level), slot.level,
+                            wanted_level(p, s->detail, t, ray_speed(ray), slot.level)};
+    PatchFound found;
+    found.t = s->limit;
+    found.hit = s->hit.leaf != RBVH_NO_LEAF;
+    const uint had = found.hit;
+    s->visited += traverse_patch(&tree, p, scene->links, q, s->any, &found);
+    if (found.hit && (found.t < s->limit || !had)) {
+      s->limit = found.t;
+      s->hit = make_hit(&found, instance, patch, ray);
+    }
+    return;
+  }
+  if (s->count == s->most) {
+    const Candidate last = s->nearest[s->most - 1];
+    if (t > last.t || (t == last.t && pair > last.pair)) return;
+    --s->count;
+  }
+  uint at = s->count++;
+  for (; at > 0 && (s->nearest[at - 1].t > t || (s->nearest[at - 1].t == t && s->nearest[at - 1].pair > pair)); --at)
+    s->nearest[at] = s->nearest[at - 1];
+  s->nearest[at].t = t;
+  s->nearest[at].pair = pair;
+}
+
+// All patches of an instance, nearest first as far as boxes tell.
+static inline void meet_instance(const Scene* scene, uint at, const Ray* world, Search* s) {
+  __global const PatchInstance* instance = scene->instances + at;
+  const Ray ray = object_ray(instance, world);
+  Query q;
+  if (!prepare_in(instance, &ray, &q)) return;
+  uint stack[STACK], depth = 0, current = instance->root;
+  float stack_t[STACK];
+  while (true) {
+    uint next = 0;
+    if (current & EXACT_LEAF_BIT) {
+      meet_patch(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &ray, &q, s);
+      if (s->any && s->hit.leaf != RBVH_NO_LEAF) return;
+    } else {
+      ++s->visited;
+      __global const ExactNode* node = scene->nodes + current;
+      float16 entry;
+      const uint mask = meet_children(node, &q, search_limit(s), &entry);
+      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+    }
+    while (next == 0) {
+      if (depth == 0) return;
+      --depth;
+      if (stack_t[depth] <= search_limit(s)) next = stack[depth];
+    }
+    current = next;
+  }
+}
+
+// Ray `active[i]`, or ray i. It goes on from `progress`, with `hits` as what was found before; pairs go behind each
+// other, from pair_ranges[i].x on, .y of them.
+__kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global const PatchInstance* instances,
+                       __global const Patch* patches, __global const PatchParts* parts,
+                       __global const PatchSlot* slots, __global const PatchBlock* cache, __global const uint* links,
+                       __global const Ray* rays, __global const uint* active, uint count, uint any, uint at_once,
+                       uint most, RayDetail detail, __global Hit* hits, __global PatchProgress* progress,
+                       __global uint* pair_keys, __global uint* pair_rays, __global uint* pair_places,
+                       __global uint2* pair_ranges, __global uint* pair_count, __global uint* steps) {
+  const uint i = (uint)get_global_id(0);
+  if (i >= count) return;
+  const uint r = active ? active[i] : i;
+  const Ray ray = rays[r];
+  const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
+  Search s;
+  s.any = any;
+  s.at_once = at_once;
+  s.most = most;
+  s.detail = detail;
+  s.after = progress[r];
+  s.hit = hits[r];
+  s.limit = min(min(ray.tmax, FLT_MAX), s.hit.t);
+  s.count = s.visited = 0;
+  const uint leaf_before = s.hit.leaf;
+  const float t_before = s.hit.t;
+  Query q;
+  if (prepare(&ray, &top, &q) && !(any && leaf_before != RBVH_NO_LEAF)) {
+    uint stack[STACK], depth = 0, current = top.root;
+    float stack_t[STACK];
+    while (true) {
+      uint next = 0;
+      if (current & EXACT_LEAF_BIT) {
+        meet_instance(&scene, current & ~EXACT_LEAF_BIT, &ray, &s);
+        if (any && s.hit.leaf != RBVH_NO_LEAF) break;
+      } else {
+        ++s.visited;
+        __global const ExactNode* node = nodes + current;
+        float16 entry;
+        const uint mask = meet_children(node, &q, search_limit(&s), &entry);
+        if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+      }
+      while (next == 0 && depth > 0) {
+        --depth;
+        if (stack_t[depth] <= search_limit(&s)) next = stack[depth];
+      }
+      if (next == 0) break;
+      current = next;
+    }
+  }
+  if (any && s.hit.leaf != RBVH_NO_LEAF) s.count = 0;
+  while (s.count > 0 && s.nearest[s.count - 1].t > s.limit) --s.count;  // behind what was found since
+  if (s.hit.leaf != leaf_before || s.hit.t != t_before) hits[r] = s.hit;
+  if (steps) steps[r] += s.visited;
+  uint first = 0;
+  if (s.count > 0) first = atomic_add(pair_count, s.count);
+  for (uint k = 0; k < s.count; ++k) {
+    pair_keys[first + k] = s.nearest[k].pair;
+    pair_rays[first + k] = r;
+    pair_places[first + k] = first + k;
+  }
+  pair_ranges[i] = (uint2)(first, s.count);
+  PatchProgress done = {INFINITY, 0xffffffffu};
+  if (s.count == most) {
+    done.t = s.nearest[most - 1].t;
+    done.pair = s.nearest[most - 1].pair;
+  }
+  progress[r] = done;
+}
+
+#ifdef ATOMICS
+// Larger for larger t, negative ones too.
+static inline ulong nearest_key(float t, uint place) {
+  const uint bits = as_uint(t);
+  return (ulong)(bits & 0x80000000u ? ~bits : bits | 0x80000000u) << 32 | place;
+}
+static inline float key_t(ulong key) {
+  const uint bits = (uint)(key >> 32);
+  return as_float(bits & 0x80000000u ? bits & 0x7fffffffu : ~bits);
+}
+#define NEAREST __global ulong*
+#else
+#define NEAREST __global uint*
+#endif
+
+// Jobs' pairs in sorted order: `places` are where cast_top put them. What each found goes to pair_hits.
+__kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __global uint* queue,
+                           __global const PatchInstance* instances, __global const Patch* patches,
+                           __global const PatchBlock* cache, __global const uint* links, __global const uint* places,
+                           __global const uint* pair_rays, __global const Ray* rays, uint any, RayDetail detail,
+                           __global const Hit* hits, __global Hit* pair_hits, __global uint* pair_steps,
+                           NEAREST nearest) {
+#if GROUP > 1
+  __local uint taken;
+#endif
+  while (true) {
+#if GROUP > 1
+    if (get_local_id(0) == 0) taken = atomic_inc(queue);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    const uint at = taken;
+    barrier(CLK_LOCAL_MEM_FENCE);
+#else
+    const uint at = atomic_inc(queue);
+#endif
+    if (at >= job_count) return;
+    const PatchJob job = jobs[at];
+    __global const PatchInstance* instance = instances + job.instance;
+    __global const Patch* p = patches + job.patch;
+    __global const PatchBlock* blocks = cache + job.slot.at;
+    PatchTree tree = {blocks, slot_vertices(blocks, job.slot.level), job.slot.level, job.slot.level};
+    for (uint i = job.begin + (uint)get_local_id(0); i < job.end; i += GROUP) {
+      const uint place = places[i], r = pair_rays[place];
+      const Ray world = rays[r], ray = object_ray(instance, &world);
+      const Hit before = hits[r];
+      PatchFound found;
+      found.t = min(min(ray.tmax, FLT_MAX), before.t);
+      found.hit = before.leaf != RBVH_NO_LEAF;
+#ifdef ATOMICS
+      const ulong best = nearest[r];
+      if (best != ULONG_MAX) {
+        found.t = min(found.t, nextafter(key_t(best), INFINITY));
+        found.hit = 1;
+      }
+#endif
+      const uint had = found.hit;
+      const float limit = found.t;
+      uint visited = 0;
+      Query q;
+      if (prepare_in(instance, &ray, &q) && !(any && had)) {
+        const PatchRay pr = patch_ray(p, &q);
+        float entry = q.tmin;
+        for (uint axis = 0; axis < 3; ++axis)
+          entry = max(entry, (q.near_row[axis] > 2 ? 65535.0f : 0.0f) * pr.scale[axis] + pr.near[axis]);
+        tree.wanted = wanted_level(p, detail, entry, ray_speed(&ray), job.slot.level);
+        visited = traverse_patch(&tree, p, links, &q, any, &found);
+      }
+      if (had && !(found.t < limit)) found.hit = 0;
+      pair_hits[place] = make_hit(&found, instance, job.patch, &ray);
+      if (pair_steps) pair_steps[place] = visited;
+#ifdef ATOMICS
+      if (found.hit) atom_min(nearest + r, nearest_key(found.t, place));
+#endif
+    }
+  }
+}
+
+// Each ray's nearest of its pairs' hits. Rays that were given as many pairs as there may be, and may have more before
+// what they hit, go on.
+__kernel void take_hits(__global const uint* active, uint count, uint any, __global const Ray* rays,
+                        __global const uint2* pair_ranges, __global const Hit* pair_hits,
+                        __global const uint* pair_steps, NEAREST nearest, __global const PatchProgress* progress,
+                        __global Hit* hits, __global uint* next_active, __global uint* next_count,
+                        __global uint* steps) {
+  const uint i = (uint)get_global_id(0);
+  if (i >= count) return;
+  const uint r = active ? active[i] : i;
+  const uint2 range = pair_ranges[i];
+  Hit hit = hits[r];
+#ifdef ATOMICS
+  const ulong best = nearest[r];
+  const uint from = best != ULONG_MAX ? (uint)best : 0;  // PoCL reads before it asks
+  const Hit other = pair_hits[from];
+  if (best != ULONG_MAX) {
+    if (other.t < hit.t || (other.t == hit.t && other.leaf < hit.leaf)) hits[r] = hit = other;
+  }
+  nearest[r] = ULONG_MAX;
+#else
+  const float before = hit.t;
+  const uint leaf_before = hit.leaf;
+  for (uint k = range.x; k < range.x + range.y; ++k) {
+    const Hit other = pair_hits[k];
+    if (other.t < hit.t || (other.t == hit.t && other.leaf < hit.leaf)) hit = other;
+  }
+  if (hit.t != before || hit.leaf != leaf_before) hits[r] = hit;
+#endif
+  if (steps)
+    for (uint k = range.x; k < range.x + range.y; ++k) steps[r] += pair_steps[k];
+  const bool goes_on = progress[r].t < INFINITY && hit.t >= progress[r].t && !(any && hit.leaf != RBVH_NO_LEAF);
+  if (goes_on) next_active[atomic_inc(next_count)] = r;
+}
+
+__kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, uint count, uint keep_hits,
+                         __global uint* steps) {
+  const uint i = (uint)get_global_id(0);
+  if (i >= count) return;
+  if (!keep_hits) {
+    Hit none;
+    none.t = INFINITY;
+    none.normal[0] = none.normal[1] = none.normal[2] = 0.0f;
+    none.u = none.v = 0.0f;
+    none.leaf = RBVH_NO_LEAF;
+    none.flags = 0;
+    hits[i] = none;
+    if (steps) steps[i] = 0;
+  }
+  const PatchProgress start = {-INFINITY, 0u};
+  progress[i] = start;
+}
