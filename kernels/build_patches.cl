@@ -20,10 +20,8 @@ static inline void quantise(float3 lo, float3 hi, float3 root_lo, float3 per_qua
   *q_hi = clamp(ceil((hi - root_lo) * per_quantum + 0.05f), 0.0f, 65535.0f);
 }
 
-// `whole`: patches whose borders may leave their parts, for a coarse neighbour's sake; all their parts' boxes are the
-// patch's own.
 __kernel void bound_patches(__global Patch* patches, uint count, __global const float* map,
-                            __global const uchar* whole, __global PatchParts* parts) {
+                            __global PatchParts* parts) {
   const uint at = (uint)get_global_id(0);
   if (at >= count) return;
   __global Patch* p = patches + at;
@@ -56,7 +54,7 @@ __kernel void bound_patches(__global Patch* patches, uint count, __global const 
   const float3 per_quantum = 65535.0f / (root_hi - root_lo);
   for (uint part = 0; part < PATCH_WIDTH; ++part) {
     float3 q_lo = 0.0f, q_hi = 65535.0f;
-    if (!whole[at]) quantise(lo[part], hi[part], root_lo, per_quantum, &q_lo, &q_hi);
+    if (!p->loose) quantise(lo[part], hi[part], root_lo, per_quantum, &q_lo, &q_hi);
     const float rows[6] = {q_lo.x, q_lo.y, q_lo.z, q_hi.x, q_hi.y, q_hi.z};
     for (uint row = 0; row < 6; ++row) parts[at].planes[row][part] = (ushort)rows[row];
   }

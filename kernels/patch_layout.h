@@ -42,7 +42,8 @@ typedef struct Patch {
   float hi[3];
   rbvh_u32 row;         // texels from one row of the map to the next
   rbvh_u32 level;       // of its tile: 2^level + 1 texels a side
-  rbvh_u32 unused[3];
+  rbvh_u32 loose;       // a border can be so coarse that it leaves the parts at it; their boxes are the patch's own
+  rbvh_u32 unused[2];
 } Patch;
 RBVH_LAYOUT_SIZE(Patch, 96);
 
@@ -93,12 +94,14 @@ typedef struct PatchJob {
 } PatchJob;
 RBVH_LAYOUT_SIZE(PatchJob, 32);
 
-// What a ray's way through the patches has come to. Patches that the ray enters before (t, pair) are done with.
+// What a ray's way through the patches has come to. Patches that the ray enters up to (t, pair) are done with; it
+// enters the next one at next_t.
 typedef struct PatchProgress {
   float t;
   rbvh_u32 pair;
+  float next_t;
 } PatchProgress;
-RBVH_LAYOUT_SIZE(PatchProgress, 8);
+RBVH_LAYOUT_SIZE(PatchProgress, 12);
 
 // How fine a ray wants it: what it resolves at t is width + spread * t, in units of t.
 typedef struct RayDetail {

@@ -9,16 +9,22 @@
 #include "patch_surface.h"
 #include "wide16_node.h"
 
-// Entries that a traversal by 16s can have waiting: 15 every other level.
-#define PATCH_STACK 96
+// Entries that a traversal by 16s can have waiting: 15 every other level, and the 16 parts.
+#define PATCH_STACK 112
 
 // The nearest hit so far.
 typedef struct PatchFound {
   float t;
   float u, v;       // in the patch, 0..1
   float normal[3];  // of the object's space, any length
-  uint hit;         // 0: nothing
+  uint hit;         // FOUND_*; from FOUND_TRIANGLE on the micro-quad's first or second triangle
+  uint at;          // the micro-quad
 } PatchFound;
+
+#define FOUND_NOTHING 0
+#define FOUND_BEFORE 1    // by someone else
+#define FOUND_BOX 2
+#define FOUND_TRIANGLE 3  // u and v still weigh its second and third corner, see finish_found()
 
 typedef struct PatchTree {
   __global const PatchBlock* blocks;
@@ -69,15 +75,15 @@ static inline uint wanted_level(__global const Patch* p, RayDetail detail, float
   return level;
 }
 
+#define QUAD_CORNERS(axis) (float4)(vload2(0, at + (axis) * count), vload2(0, at + (axis) * count + side).s10)
+
 // Micro-quad m of the finest level: triangles a b c and a c d. True where the hit is nearer.
 static inline bool meet_micro_quad(const PatchTree* tree, uint m, const Query* q, PatchFound* found) {
-  const uint n = 1u << tree->level, side = n + 1, count = side * side, i = even_bits(m), j = even_bits(m >> 1);
-  __global const float* at = tree->vertices + j * side + i;
-#define CORNERS(axis) \
-  (float4)(vload2(0, at + (axis) * count), vload2(0, at + (axis) * count + side).s10)
-  const float4 z = CORNERS(q->kz) - q->origin[q->kz];
-  const float4 x = (CORNERS(q->kx) - q->origin[q->kx]) - q->sx * z;
-  const float4 y = (CORNERS(q->ky) - q->origin[q->ky]) - q->sy * z;
+  const uint side = (1u << tree->level) + 1, count = side * side;
+  __global const float* at = tree->vertices + even_bits(m >> 1) * side + even_bits(m);
+  const float4 z = QUAD_CORNERS(q->kz) - q->origin[q->kz];
+  const float4 x = (QUAD_CORNERS(q->kx) - q->origin[q->kx]) - q->sx * z;
+  const float4 y = (QUAD_CORNERS(q->ky) - q->origin[q->ky]) - q->sy * z;
   // Twice the signed areas between the ray and the edges ab, bc, cd, da; and the diagonal ac.
   float4 edge = x * y.yzwx - y * x.yzwx;
   float ac = x.s0 * y.s2 - y.s0 * x.s2;
@@ -90,46 +96,48 @@ static inline bool meet_micro_quad(const PatchTree* tree, uint m, const Query* q
 #endif
   const float4 tz = q->sz * z;
   bool taken = false;
-#define MEET(u, v, w, tu, tv, tw, s_value, t_value, e, f)                                                           \
-  if (!((u < 0.0f || v < 0.0f || w < 0.0f) && (u > 0.0f || v > 0.0f || w > 0.0f)) && u + v + w != 0.0f) {             \
-    const float area = u + v + w, t = (u * tu + v * tv + w * tw) / area;                                                \
-    if (t >= q->tmin && (t < found->t || (t == found->t && !found->hit))) {                                             \
-      const float V = v / area, W = w / area;                                                                           \
-      found->t = t;                                                                                                     \
-      found->u = ((float)i + (s_value)) / (float)n;                                                                     \
-      found->v = ((float)j + (t_value)) / (float)n;                                                                     \
-      found->hit = 1;                                                                                                   \
-      taken = true;                                                                                                     \
-      float p[3], r[3];                                                                                                 \
-      for (uint axis = 0; axis < 3; ++axis) {                                                                           \
-        const float4 corners = CORNERS(axis);                                                                           \
-        p[axis] = corners.e - corners.x;                                                                                \
-        r[axis] = corners.f - corners.x;                                                                                \
-      }                                                                                                                 \
-      const float scale = 1.0f / max(max(max(fabs(p[0]), fabs(p[1])), fabs(p[2])),                                      \
-                                     max(max(fabs(r[0]), fabs(r[1])), fabs(r[2])));                                     \
-      for (uint axis = 0; axis < 3; ++axis) {                                                                           \
-        p[axis] *= scale;                                                                                               \
-        r[axis] *= scale;                                                                                               \
-      }                                                                                                                 \
-      for (uint axis = 0; axis < 3; ++axis) {                                                                           \
-        const uint a1 = (axis + 1) % 3, a2 = (axis + 2) % 3;                                                            \
-        found->normal[axis] = p[a1] * r[a2] - p[a2] * r[a1];                                                            \
-      }                                                                                                                 \
-    }                                                                                                                   \
+  for (uint triangle = 0; triangle < 2; ++triangle) {
+    // Opposite a, b, c; or a, c, d.
+    const float u = triangle ? -edge.z : -edge.y, v = triangle ? -edge.w : ac, w = triangle ? -ac : -edge.x;
+    if ((u < 0.0f || v < 0.0f || w < 0.0f) && (u > 0.0f || v > 0.0f || w > 0.0f)) continue;
+    const float area = u + v + w;
+    if (area == 0.0f) continue;
+    const float t = (u * tz.x + v * (triangle ? tz.z : tz.y) + w * (triangle ? tz.w : tz.z)) / area;
+    if (t >= q->tmin && (t < found->t || (t == found->t && !found->hit))) {
+      found->t = t;
+      found->u = v / area;
+      found->v = w / area;
+      found->hit = FOUND_TRIANGLE + triangle;
+      found->at = m;
+      taken = true;
+    }
   }
-  {
-    const float u = -edge.y, v = ac, w = -edge.x;  // opposite a, b, c
-    MEET(u, v, w, tz.x, tz.y, tz.z, V + W, W, y, z)
-  }
-  {
-    const float u = -edge.z, v = -edge.w, w = -ac;  // opposite a, c, d
-    MEET(u, v, w, tz.x, tz.z, tz.w, V, V + W, z, w)
-  }
-#undef MEET
-#undef CORNERS
   return taken;
 }
+
+// From a hit triangle to u, v in the patch and a normal.
+static inline void finish_found(const PatchTree* tree, PatchFound* found) {
+  if (found->hit < FOUND_TRIANGLE) return;
+  const uint n = 1u << tree->level, side = n + 1, count = side * side;
+  const uint i = even_bits(found->at), j = even_bits(found->at >> 1), second = found->hit - FOUND_TRIANGLE;
+  __global const float* at = tree->vertices + j * side + i;
+  const float v = found->u, w = found->v;
+  found->u = ((float)i + (second ? v : v + w)) / (float)n;
+  found->v = ((float)j + (second ? v + w : w)) / (float)n;
+  float p[3], r[3], largest = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float4 corners = QUAD_CORNERS(axis);
+    p[axis] = (second ? corners.z : corners.y) - corners.x;
+    r[axis] = (second ? corners.w : corners.z) - corners.x;
+    largest = max(largest, max(fabs(p[axis]), fabs(r[axis])));
+  }
+  const float3 a = (float3)(p[0], p[1], p[2]) / largest, b = (float3)(r[0], r[1], r[2]) / largest;
+  const float3 normal = cross(a, b);
+  found->normal[0] = normal.x;
+  found->normal[1] = normal.y;
+  found->normal[2] = normal.z;
+}
+#undef QUAD_CORNERS
 
 // The box of a node as a hit.
 static inline void take_box(__global const PatchBlock* block, uint lane, float t, PatchFound* found) {
@@ -140,44 +148,76 @@ static inline void take_box(__global const PatchBlock* block, uint lane, float t
   found->normal[0] = (float)((int)(n << 21) >> 21) / 1023.0f;
   found->normal[1] = (float)((int)(n << 10) >> 21) / 1023.0f;
   found->normal[2] = (float)((int)n >> 22) / 511.0f;
-  found->hit = 1;
+  found->hit = FOUND_BOX;
 }
 
 #ifdef WIDE
-// Nearest hit, or any. Returns blocks and micro-quads visited.
+// What is to be visited: a block's place, the level of its nodes, and which quarter of it (0: all).
+#define VISIT(at, level, quarter) ((at) + ((level) << 24) + ((quarter) << 28))
+
+// The finest level's micro-quads in `mask` of a block, nearest first. Returns how many were met.
+static inline uint meet_leaves(const PatchTree* tree, uint first, uint mask, float16 entry, const Query* q, uint any,
+                               PatchFound* found) {
+  float t[16];
+  vstore16(entry, 0, t);
+  uint met = 0;
+  while (mask != 0) {
+    uint lane = lowest_bit(mask);
+    for (uint rest = mask & (mask - 1); rest != 0; rest &= rest - 1) {
+      const uint other = lowest_bit(rest);
+      if (t[other] < t[lane]) lane = other;
+    }
+    mask &= ~(1u << lane);
+    if (t[lane] > found->t) break;
+    ++met;
+    if (meet_micro_quad(tree, first + lane - first_node(tree->level), q, found) && any) break;
+  }
+  return met;
+}
+
+// Nearest hit, or any. `parts` and `parts_entry`: which of the patch's 16 parts the ray meets, and where. Returns blocks
+// and micro-quads visited.
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links, const Query* q,
-                           uint any, PatchFound* found) {
+                           const PatchRay* ray, uint parts, float16 parts_entry, uint any, PatchFound* found) {
   const uint level = tree->level;
   if (level == 0) return meet_micro_quad(tree, 0, q, found), 1;
-  const PatchRay ray = patch_ray(p, q);
-  uint stack[PATCH_STACK], depth = 0, visited = 0;
+  uint stack[PATCH_STACK], depth = 0, visited = 0, current;
   float stack_t[PATCH_STACK];
-  // A block's place, and its level above.
-  uint current = level & 1 ? 1u << 24 : 2u << 24 | 1u, lanes = level & 1 ? 0xf000u : 0xffffu;
+  if (p->loose || level < 4) {
+    current = level & 1 ? VISIT(0u, 1u, 4u) : VISIT(1u, 2u, 0u);
+  } else if (level & 1) {
+    // The quarters that the parts' children are, four parts' in a block.
+    float t[16];
+    vstore16(parts_entry, 0, t);
+    for (uint mask = parts; mask != 0; mask &= mask - 1) {
+      const uint lane = lowest_bit(mask);
+      uint at = depth++;
+      for (; at > 0 && stack_t[at - 1] < t[lane]; --at) {
+        stack[at] = stack[at - 1];
+        stack_t[at] = stack_t[at - 1];
+      }
+      stack[at] = VISIT(2 + lane / 4, 3u, 1 + lane % 4);
+      stack_t[at] = t[lane];
+    }
+    if (depth == 0) return 0;
+    current = stack[--depth];
+  } else {
+    if (parts == 0) return 0;
+    current = take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, &depth);
+  }
   while (true) {
     ++visited;
-    const uint at = current & 0xffffff, at_level = current >> 24;
+    const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarter = current >> 28;
     __global const PatchBlock* block = tree->blocks + at;
     float16 entry;
-    uint mask = meet_planes16(block->planes, q, &ray, found->t, &entry) & lanes;
-    lanes = 0xffffu;
+    uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
+    if (quarter != 0) mask &= 0xfu << 4 * (quarter - 1);
     uint next = 0;
     if (mask != 0) {
       const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
       if (at_level == level) {
-        float t[16];
-        vstore16(entry, 0, t);
-        for (; mask != 0;) {  // nearest first
-          uint lane = lowest_bit(mask);
-          for (uint rest = mask & (mask - 1); rest != 0; rest &= rest - 1) {
-            const uint other = lowest_bit(rest);
-            if (t[other] < t[lane]) lane = other;
-          }
-          mask &= ~(1u << lane);
-          if (t[lane] > found->t) break;
-          ++visited;
-          if (meet_micro_quad(tree, first + lane - first_node(level), q, found) && any) return visited;
-        }
+        visited += meet_leaves(tree, first, mask, entry, q, any, found);
+        if (any && found->hit > FOUND_BEFORE) return visited;
       } else {
         if (at_level >= tree->wanted) {
           // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
@@ -194,7 +234,7 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
           }
         }
         if (mask != 0)
-          next = take_children(0, first + 1 + ((at_level + 2) << 24), mask, entry, stack, stack_t, &depth);
+          next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }
     while (next == 0) {
@@ -218,8 +258,8 @@ static inline uint skip_link(__global const uint* links, uint deep, uint node) {
 }
 
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links, const Query* q,
-                           uint any, PatchFound* found) {
-  const PatchRay ray = patch_ray(p, q);
+                           const PatchRay* ray, uint parts, float16 parts_entry, uint any, PatchFound* found) {
+  if (parts == 0) return 0;
   const uint leaves = first_node(tree->level), boxes = first_node(tree->wanted);
   const uint deep = tree->level > PATCH_LINKED_LEVEL, end = deep ? 0xffffffffu : LINK_END;
   uint node = 0, visited = 0;
@@ -229,8 +269,8 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
     __global const PatchBlock* block = tree->blocks + at / PATCH_WIDTH;
     float enter = q->tmin, leave = found->t;
     for (uint axis = 0; axis < 3; ++axis) {
-      enter = max(enter, mad((float)block->planes[q->near_row[axis]][lane], ray.scale[axis], ray.near[axis]));
-      leave = min(leave, mad((float)block->planes[q->far_row[axis]][lane], ray.scale[axis], ray.far[axis]));
+      enter = max(enter, mad((float)block->planes[q->near_row[axis]][lane], ray->scale[axis], ray->near[axis]));
+      leave = min(leave, mad((float)block->planes[q->far_row[axis]][lane], ray->scale[axis], ray->far[axis]));
     }
     if (!(enter <= leave)) {
       node = skip_link(links, deep, node);

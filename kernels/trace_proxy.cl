@@ -49,7 +49,7 @@ static inline Hit make_hit(const PatchFound* found, __global const PatchInstance
   hit.u = hit.v = 0.0f;
   hit.leaf = RBVH_NO_LEAF;
   hit.flags = 0;
-  if (found->hit) {
+  if (found->hit > FOUND_BEFORE) {
     // A normal goes the other way through the transposed map.
     __global const float* m = instance->to_object;
     float3 n;
@@ -68,6 +68,13 @@ static inline Hit make_hit(const PatchFound* found, __global const PatchInstance
     hit.flags = dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
   }
   return hit;
+}
+
+static inline float nearest_entry(uint mask, float16 entry) {
+  float t16[16], t = INFINITY;
+  vstore16(entry, 0, t16);
+  for (uint rest = mask; rest != 0; rest &= rest - 1) t = min(t, t16[lowest_bit(rest)]);
+  return t;
 }
 
 // A patch that a ray enters at t and that is not built.
@@ -91,14 +98,14 @@ typedef struct Search {
   RayDetail detail;
   PatchProgress after;  // patches entered before are done with
   float limit;          // nearest hit so far
-  Candidate nearest[MOST];
+  Candidate nearest[MOST + 1];  // one more than become pairs: whether the ray must go on depends on it
   uint count;
   uint visited;
   Hit hit;
 } Search;
 
 static inline float search_limit(const Search* s) {
-  return s->count == s->most ? min(s->limit, s->nearest[s->most - 1].t) : s->limit;
+  return s->count > s->most ? min(s->limit, s->nearest[s->most].t) : s->limit;
 }
 
 static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Ray* ray,
@@ -109,10 +116,7 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
   const uint mask = meet_planes16(scene->parts[patch].planes, q, &r, search_limit(s), &entry);
   ++s->visited;
   if (mask == 0) return;
-  float t16[16];
-  vstore16(entry, 0, t16);
-  float t = INFINITY;
-  for (uint rest = mask; rest != 0; rest &= rest - 1) t = min(t, t16[lowest_bit(rest)]);
+  const float t = nearest_entry(mask, entry);
   const uint pair = instance->first_pair + (patch - instance->first_patch);
   if (t < s->after.t || (t == s->after.t && pair <= s->after.pair)) return;
   const PatchSlot slot = scene->slots[patch];
@@ -122,17 +126,17 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
                             wanted_level(p, s->detail, t, ray_speed(ray), slot.level)};
     PatchFound found;
     found.t = s->limit;
-    found.hit = s->hit.leaf != RBVH_NO_LEAF;
-    const uint had = found.hit;
-    s->visited += traverse_patch(&tree, p, scene->links, q, s->any, &found);
-    if (found.hit && (found.t < s->limit || !had)) {
+    found.hit = s->hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
+    s->visited += traverse_patch(&tree, p, scene->links, q, &r, mask, entry, s->any, &found);
+    if (found.hit > FOUND_BEFORE) {
+      finish_found(&tree, &found);
       s->limit = found.t;
       s->hit = make_hit(&found, instance, patch, ray);
     }
     return;
   }
-  if (s->count == s->most) {
-    const Candidate last = s->nearest[s->most - 1];
+  if (s->count > s->most) {
+    const Candidate last = s->nearest[s->most];
     if (t > last.t || (t == last.t && pair > last.pair)) return;
     --s->count;
   }
@@ -172,7 +176,7 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
   }
 }
 
-// Ray `active[i]`, or ray i. It goes on from `progress`, with `hits` as what was found before; pairs go behind each
+// Ray active[i] goes on from `progress`, with `hits` as what was found before; pairs go behind each
 // other, from pair_ranges[i].x on, .y of them.
 __kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global const PatchInstance* instances,
                        __global const Patch* patches, __global const PatchParts* parts,
@@ -183,7 +187,7 @@ __kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global
                        __global uint2* pair_ranges, __global uint* pair_count, __global uint* steps) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
-  const uint r = active ? active[i] : i;
+  const uint r = active[i];
   const Ray ray = rays[r];
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
   Search s;
@@ -198,7 +202,10 @@ __kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global
   const uint leaf_before = s.hit.leaf;
   const float t_before = s.hit.t;
   Query q;
-  if (prepare(&ray, &top, &q) && !(any && leaf_before != RBVH_NO_LEAF)) {
+  if (any && leaf_before != RBVH_NO_LEAF) {
+  } else if (top.root & EXACT_LEAF_BIT) {
+    meet_instance(&scene, top.root & ~EXACT_LEAF_BIT, &ray, &s);
+  } else if (prepare(&ray, &top, &q)) {
     uint stack[STACK], depth = 0, current = top.root;
     float stack_t[STACK];
     while (true) {
@@ -225,18 +232,20 @@ __kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global
   while (s.count > 0 && s.nearest[s.count - 1].t > s.limit) --s.count;  // behind what was found since
   if (s.hit.leaf != leaf_before || s.hit.t != t_before) hits[r] = s.hit;
   if (steps) steps[r] += s.visited;
+  const uint pairs = min(s.count, most);
   uint first = 0;
-  if (s.count > 0) first = atomic_add(pair_count, s.count);
-  for (uint k = 0; k < s.count; ++k) {
+  if (pairs > 0) first = atomic_add(pair_count, pairs);
+  for (uint k = 0; k < pairs; ++k) {
     pair_keys[first + k] = s.nearest[k].pair;
     pair_rays[first + k] = r;
     pair_places[first + k] = first + k;
   }
-  pair_ranges[i] = (uint2)(first, s.count);
-  PatchProgress done = {INFINITY, 0xffffffffu};
-  if (s.count == most) {
+  pair_ranges[i] = (uint2)(first, pairs);
+  PatchProgress done = {INFINITY, 0xffffffffu, INFINITY};
+  if (s.count > most) {
     done.t = s.nearest[most - 1].t;
     done.pair = s.nearest[most - 1].pair;
+    done.next_t = s.nearest[most].t;
   }
   progress[r] = done;
 }
@@ -259,7 +268,8 @@ static inline float key_t(ulong key) {
 // Jobs' pairs in sorted order: `places` are where cast_top put them. What each found goes to pair_hits.
 __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __global uint* queue,
                            __global const PatchInstance* instances, __global const Patch* patches,
-                           __global const PatchBlock* cache, __global const uint* links, __global const uint* places,
+                           __global const PatchParts* parts, __global const PatchBlock* cache,
+                           __global const uint* links, __global const uint* places,
                            __global const uint* pair_rays, __global const Ray* rays, uint any, RayDetail detail,
                            __global const Hit* hits, __global Hit* pair_hits, __global uint* pair_steps,
                            NEAREST nearest) {
@@ -287,47 +297,50 @@ __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __glob
       const Hit before = hits[r];
       PatchFound found;
       found.t = min(min(ray.tmax, FLT_MAX), before.t);
-      found.hit = before.leaf != RBVH_NO_LEAF;
+      found.hit = before.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
 #ifdef ATOMICS
       const ulong best = nearest[r];
       if (best != ULONG_MAX) {
         found.t = min(found.t, nextafter(key_t(best), INFINITY));
-        found.hit = 1;
+        found.hit = FOUND_BEFORE;
       }
 #endif
-      const uint had = found.hit;
-      const float limit = found.t;
       uint visited = 0;
       Query q;
-      if (prepare_in(instance, &ray, &q) && !(any && had)) {
+      if (prepare_in(instance, &ray, &q) && !(any && found.hit == FOUND_BEFORE)) {
         const PatchRay pr = patch_ray(p, &q);
-        float entry = q.tmin;
-        for (uint axis = 0; axis < 3; ++axis)
-          entry = max(entry, (q.near_row[axis] > 2 ? 65535.0f : 0.0f) * pr.scale[axis] + pr.near[axis]);
-        tree.wanted = wanted_level(p, detail, entry, ray_speed(&ray), job.slot.level);
-        visited = traverse_patch(&tree, p, links, &q, any, &found);
+        float16 entry;
+        const uint mask = meet_planes16(parts[job.patch].planes, &q, &pr, found.t, &entry);
+        tree.wanted = wanted_level(p, detail, nearest_entry(mask, entry), ray_speed(&ray), job.slot.level);
+        visited = 1 + traverse_patch(&tree, p, links, &q, &pr, mask, entry, any, &found);
+        finish_found(&tree, &found);
       }
-      if (had && !(found.t < limit)) found.hit = 0;
       pair_hits[place] = make_hit(&found, instance, job.patch, &ray);
       if (pair_steps) pair_steps[place] = visited;
 #ifdef ATOMICS
-      if (found.hit) atom_min(nearest + r, nearest_key(found.t, place));
+      if (found.hit > FOUND_BEFORE) atom_min(nearest + r, nearest_key(found.t, place));
 #endif
     }
   }
 }
 
-// Each ray's nearest of its pairs' hits. Rays that were given as many pairs as there may be, and may have more before
-// what they hit, go on.
-__kernel void take_hits(__global const uint* active, uint count, uint any, __global const Ray* rays,
-                        __global const uint2* pair_ranges, __global const Hit* pair_hits,
-                        __global const uint* pair_steps, NEAREST nearest, __global const PatchProgress* progress,
-                        __global Hit* hits, __global uint* next_active, __global uint* next_count,
-                        __global uint* steps) {
+__kernel void add_steps(__global const uint* active, uint count, __global const uint2* pair_ranges,
+                        __global const uint* pair_steps, __global uint* steps) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
-  const uint r = active ? active[i] : i;
-  const uint2 range = pair_ranges[i];
+  uint sum = 0;
+  for (uint k = pair_ranges[i].x; k < pair_ranges[i].x + pair_ranges[i].y; ++k) sum += pair_steps[k];
+  steps[active[i]] += sum;
+}
+
+// Each ray's nearest of its pairs' hits. Rays that come to another patch before what they hit go on.
+__kernel void take_hits(__global const uint* active, uint count, uint any,
+                        __global const uint2* pair_ranges, __global const Hit* pair_hits, NEAREST nearest,
+                        __global const PatchProgress* progress, __global Hit* hits, __global uint* next_active,
+                        __global uint* next_count) {
+  const uint i = (uint)get_global_id(0);
+  if (i >= count) return;
+  const uint r = active[i];
   Hit hit = hits[r];
 #ifdef ATOMICS
   const ulong best = nearest[r];
@@ -338,6 +351,7 @@ __kernel void take_hits(__global const uint* active, uint count, uint any, __glo
   }
   nearest[r] = ULONG_MAX;
 #else
+  const uint2 range = pair_ranges[i];
   const float before = hit.t;
   const uint leaf_before = hit.leaf;
   for (uint k = range.x; k < range.x + range.y; ++k) {
@@ -346,16 +360,16 @@ __kernel void take_hits(__global const uint* active, uint count, uint any, __glo
   }
   if (hit.t != before || hit.leaf != leaf_before) hits[r] = hit;
 #endif
-  if (steps)
-    for (uint k = range.x; k < range.x + range.y; ++k) steps[r] += pair_steps[k];
-  const bool goes_on = progress[r].t < INFINITY && hit.t >= progress[r].t && !(any && hit.leaf != RBVH_NO_LEAF);
+  const float next_t = progress[r].next_t;
+  const bool goes_on = next_t < INFINITY && hit.t >= next_t && !(any && hit.leaf != RBVH_NO_LEAF);
   if (goes_on) next_active[atomic_inc(next_count)] = r;
 }
 
-__kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, uint count, uint keep_hits,
-                         __global uint* steps) {
+__kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, __global uint* active, uint count,
+                         uint keep_hits, __global uint* steps) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
+  active[i] = i;
   if (!keep_hits) {
     Hit none;
     none.t = INFINITY;
@@ -366,6 +380,6 @@ __kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, u
     hits[i] = none;
     if (steps) steps[i] = 0;
   }
-  const PatchProgress start = {-INFINITY, 0u};
+  const PatchProgress start = {-INFINITY, 0u, -INFINITY};
   progress[i] = start;
 }

@@ -148,23 +148,22 @@ void append_nodes(std::vector<ExactNode>& all, const Bvh& bvh, Wide16Nodes& wide
 }
 
 /// Patches whose borders may leave their parts: they or a neighbour can be coarser than 4 x 4.
-std::vector<std::uint8_t> loose_patches(const Proxy& proxy, const PatchEdges& edges) {
+std::vector<std::uint32_t> loose_patches(const Proxy& proxy, const PatchEdges& edges) {
   const std::vector<PatchLevel> levels = match_borders(edges, uniform_levels(proxy, kLeastLevel));
-  std::vector<std::uint8_t> loose;
+  std::vector<std::uint32_t> loose;
   for (const PatchLevel& level : levels) {
     const std::uint32_t least = *std::min_element(level.edges.begin(), level.edges.end());
-    loose.push_back(std::min(least, level.level) < kLeastLevel);
+    loose.push_back(std::min(least, level.level) < kLeastLevel ? 1 : 0);
   }
   return loose;
 }
 
-void add_proxy(State& state, const Proxy& proxy, std::vector<std::uint8_t>& loose) {
+void add_proxy(State& state, const Proxy& proxy) {
   State::Part part;
   part.first_patch = static_cast<std::uint32_t>(state.patches.size());
   part.patches = static_cast<std::uint32_t>(proxy.quads.size());
   part.edges = find_edges(proxy);
-  const std::vector<std::uint8_t> part_loose = loose_patches(proxy, part.edges);
-  loose.insert(loose.end(), part_loose.begin(), part_loose.end());
+  const std::vector<std::uint32_t> loose = loose_patches(proxy, part.edges);
   for (std::size_t i = 0; i < proxy.quads.size(); ++i) {
     Patch patch{};
     for (std::size_t k = 0; k < 4; ++k)
@@ -176,6 +175,7 @@ void add_proxy(State& state, const Proxy& proxy, std::vector<std::uint8_t>& loos
     patch.texels = static_cast<std::uint32_t>(texel);
     patch.row = proxy.map_width;
     patch.level = tile_level(proxy.tiles[i]);
+    patch.loose = loose[i];
     state.patches.push_back(patch);
   }
   state.map_texels += proxy.map.size();
@@ -239,28 +239,29 @@ class Cast {
 
   void run(bool keep_hits) {
     device_.kernel("trace_proxy", "start_rays", state_.options)
-        .run(count_, kRayGroup, hits_, state_.progress, static_cast<std::uint32_t>(count_), keep_hits ? 1u : 0u,
-             steps_);
+        .run(count_, kRayGroup, hits_, state_.progress, state_.active[0], static_cast<std::uint32_t>(count_),
+             keep_hits ? 1u : 0u, steps_);
     state_.stats.rays += count_;
     std::size_t active = count_;
     for (int round = 0; active > 0; ++round) {
       ++state_.stats.rounds;
-      const Buffer<std::uint32_t> list = round == 0 ? Buffer<std::uint32_t>() : state_.active[round % 2];
-      active = cast_round(list, static_cast<std::uint32_t>(active), state_.active[(round + 1) % 2]);
+      active = cast_round(round, static_cast<std::uint32_t>(active));
     }
   }
 
  private:
-  /// Returns how many rays go on, listed in `next`.
-  std::uint32_t cast_round(const Buffer<std::uint32_t>& list, std::uint32_t active,
-                           const Buffer<std::uint32_t>& next) {
+  /// Returns how many rays go on.
+  std::uint32_t cast_round(int round, std::uint32_t active) {
+    const Buffer<std::uint32_t>&list = state_.active[round % 2], &next = state_.active[(round + 1) % 2];
+    // Most rays hit the first patch that they meet; those that do not soon want all.
+    const std::uint32_t most = std::min(state_.config.pairs, 1u << std::min(2 * round, 8));
     PhaseWatch watch(device_, state_.stats.timed);
     upload_slots(state_);
     state_.counts.fill(0);
     device_.kernel("trace_proxy", "cast_top", state_.options)
         .run(active, kRayGroup, state_.nodes, state_.top, state_.device_instances, state_.device_patches,
              state_.device_parts, state_.device_slots, state_.cache_memory, state_.links, rays_, list, active, any_,
-             state_.config.at_once ? 1u : 0u, state_.config.pairs, state_.ray_detail, hits_, state_.progress,
+             state_.config.at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress,
              state_.pair_keys, state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.counts, steps_);
     std::uint32_t pairs = 0;
     state_.counts.read(std::span(&pairs, 1));
@@ -276,16 +277,18 @@ class Cast {
     state_.stats.sort += watch.lap();
 
     make_jobs(offsets, watch);
+    next_count_.fill(0);
     device_.kernel("trace_proxy", "take_hits", state_.options)
-        .run(active, kRayGroup, list, active, any_, rays_, state_.pair_ranges, state_.pair_hits, pair_steps_,
-             state_.nearest, state_.progress, hits_, next, next_count(), steps_);
+        .run(active, kRayGroup, list, active, any_, state_.pair_ranges, state_.pair_hits, state_.nearest,
+             state_.progress, hits_, next, next_count_);
+    if (pair_steps_.size() > 0)
+      device_.kernel("trace_proxy", "add_steps", state_.options)
+          .run(active, kRayGroup, list, active, state_.pair_ranges, pair_steps_, steps_);
     std::uint32_t going_on = 0;
-    next_count().read(std::span(&going_on, 1));
+    next_count_.read(std::span(&going_on, 1));
     state_.stats.cast += watch.lap();
     return going_on;
   }
-
-  const Buffer<std::uint32_t>& next_count() const { return next_count_; }
 
   /// Builds what is missing and casts, as many patches at a time as the cache holds.
   void make_jobs(const std::vector<std::uint32_t>& offsets, PhaseWatch& watch) {
@@ -360,7 +363,7 @@ class Cast {
       device_.kernel("trace_proxy", "cast_patches", state_.options)
           .run(queue_items(device_, jobs_.size()), group_size(device_), jobs,
                static_cast<std::uint32_t>(jobs_.size()), queue_, state_.device_instances, state_.device_patches,
-               state_.cache_memory, state_.links, state_.pair_places, state_.pair_rays, rays_, any_,
+               state_.device_parts, state_.cache_memory, state_.links, state_.pair_places, state_.pair_rays, rays_, any_,
                state_.ray_detail, hits_, state_.pair_hits, pair_steps_, state_.nearest);
       state_.stats.jobs += jobs_.size();
       state_.stats.cast += watch.lap();
@@ -446,8 +449,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.config.pairs = std::clamp(config.pairs, 1u, kMostPairs);
   state.config.atomics = config.atomics && device.info().has_int64_atomics;
 
-  std::vector<std::uint8_t> loose;
-  for (const Proxy* proxy : proxies) add_proxy(state, *proxy, loose);
+  for (const Proxy* proxy : proxies) add_proxy(state, *proxy);
   state.map = {device, std::max<std::size_t>(1, 3 * state.map_texels)};
   std::size_t at = 0;
   for (const Proxy* proxy : proxies) {
@@ -458,10 +460,9 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.device_patches = {device, state.patches};
   state.device_parts = {device, count};
   if (count > 0) {
-    const Buffer<std::uint8_t> device_loose(device, loose);
     device.kernel("build_patches", "bound_patches", group_options(device))
         .run(count, group_size(device), state.device_patches, static_cast<std::uint32_t>(count), state.map,
-             device_loose, state.device_parts);
+             state.device_parts);
     state.device_patches.read(state.patches);
   }
 

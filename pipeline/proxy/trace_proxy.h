@@ -28,7 +28,7 @@ struct ProxyConfig {
   bool keep = true;     ///< hierarchies stay for later casts; false, as in the source: each cast builds its own
   bool at_once = true;  ///< a ray meets a patch that is built as soon as it comes to it; false: always gathered
   bool atomics = true;  ///< nearest hits by 64-bit atomic minimum, where the device has it
-  std::uint32_t pairs = 4;  ///< patches that a ray has built for it in a round; at most kMostPairs
+  std::uint32_t pairs = 8;  ///< patches that a ray has built for it in a round, one in the first; at most kMostPairs
 };
 inline constexpr std::uint32_t kMostPairs = 16;
 
