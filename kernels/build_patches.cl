@@ -43,6 +43,20 @@ __kernel void bound_patches(__global Patch* patches, uint count, __global const 
     root_lo = min(root_lo, a);
     root_hi = max(root_hi, b);
   }
+  // Along some of the micro-quads' sides at the finest.
+  float squares_u = 0.0f, squares_v = 0.0f, samples = 0.0f;
+  const uint stride = max(n / 16, 1u);
+  for (uint j = stride / 2; j < n; j += stride) {
+    for (uint i = stride / 2; i < n; i += stride) {
+      const float3 v = patch_vertex(p, map, level, edges, i, j);
+      const float3 u_side = patch_vertex(p, map, level, edges, i + 1, j) - v;
+      const float3 v_side = patch_vertex(p, map, level, edges, i, j + 1) - v;
+      squares_u += dot(u_side, u_side);
+      squares_v += dot(v_side, v_side);
+      samples += 1.0f;
+    }
+  }
+  p->size = (float)n * sqrt(max(squares_u, squares_v) / samples);
   // Never flat, and a little wider than the surface.
   const float3 extent = root_hi - root_lo, size = max(fabs(root_lo), fabs(root_hi));
   const float longest = max(max(extent.x, extent.y), max(extent.z, FLT_MIN));
@@ -71,13 +85,12 @@ static inline float3 unpack_normal(uint n) {
                   (float)((int)n >> 22) / 511.0f);
 }
 
-#define VERTEX(i, j) \
-  (float3)(vertices[(j) * side + (i)], vertices[(j) * side + (i) + count], vertices[(j) * side + (i) + 2 * count])
+#define VERTEX(i, j) vload3((j) * side + (i), vertices)
 
 // One micro-quad's node.
 static inline void build_leaf(__global PatchBlock* blocks, __global const float* vertices, uint level, uint m,
                               float3 root_lo, float3 per_quantum) {
-  const uint n = 1u << level, side = n + 1, count = side * side, i = even_bits(m), j = even_bits(m >> 1);
+  const uint n = 1u << level, side = n + 1, i = even_bits(m), j = even_bits(m >> 1);
   const float3 a = VERTEX(i, j), b = VERTEX(i + 1, j), c = VERTEX(i + 1, j + 1), d = VERTEX(i, j + 1);
   float3 lo, hi;
   quantise(min(min(a, b), min(c, d)), max(max(a, b), max(c, d)), root_lo, per_quantum, &lo, &hi);
@@ -116,50 +129,57 @@ static inline void build_inner(__global PatchBlock* blocks, uint node) {
 }
 
 #ifdef WIDE
-// Vertices 16 at a time.
+// 16 floats of a row of vertices x y z x y z ... at a time, in three turns that together are 16 vertices. Writes up to
+// 15 floats past a row's end, which the next row then takes.
 static inline void build_vertices(__global const Patch* p, __global const float* map, uint level, uint edges,
                                   __global float* vertices) {
-  const int n = 1 << level, side = n + 1, count = side * side;
+  const int n = 1 << level, side = n + 1, floats = 3 * side;
   const uint shift = p->level - level;
-  const float inverse_side = 1.0f / (float)side, inverse_n = 1.0f / (float)n;
-  const int16 lanes = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  __global const float* first = map + 3 * (size_t)p->texels;
-  const bool snaps = edges != level * 0x01010101u;
-  for (int at = 0; at < count; at += 16) {
-    const int16 v = min(at + lanes, count - 1);
-    int16 j = convert_int16(convert_float16(v) * inverse_side), i = v - j * side;
-    const int16 below = i < 0;  // j is a comparison's lanes away from right
-    j += below;
-    i -= below * side;
-    const int16 above = i >= side;
-    j -= above;
-    i += above * side;
-    if (snaps) {
-#define SNAP(x, k) \
-  ((x + ((1 << (level - edge_level(edges, k))) >> 1)) & ~((1 << (level - edge_level(edges, k))) - 1))
-      i = select(i, SNAP(i, 0), j == 0);
-      j = select(j, SNAP(j, 1), i == n);
-      i = select(i, SNAP(i, 2), j == n);
-      j = select(j, SNAP(j, 3), i == 0);
-#undef SNAP
-    }
-    const float16 s = convert_float16(i) * inverse_n, t = convert_float16(j) * inverse_n;
-    const float16 s1 = 1.0f - s, t1 = 1.0f - t;
-    int texel[16];
-    vstore16(((j << (int)shift) * (int)p->row + (i << (int)shift)) * 3, 0, texel);
-    for (uint axis = 0; axis < 3; ++axis) {
-      const float16 base = (p->corners[0][axis] * s1 + p->corners[1][axis] * s) * t1 +
-                           (p->corners[3][axis] * s1 + p->corners[2][axis] * s) * t;
-      float d[16];
-      for (uint lane = 0; lane < 16; ++lane) d[lane] = first[texel[lane] + (int)axis];
-      const float16 place = base + vload16(0, d);
-      __global float* to = vertices + axis * (uint)count + (uint)at;
-      if (at + 16 <= count) {
-        vstore16(place, 0, to);
-      } else {
-        vstore16(place, 0, d);
-        for (int lane = 0; at + lane < count; ++lane) to[lane] = d[lane];
+  const float inverse_n = 1.0f / (float)n;
+  const int16 index[3] = {(int16)(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5),
+                          (int16)(5, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8, 9, 9, 9, 10, 10),
+                          (int16)(10, 11, 11, 11, 12, 12, 12, 13, 13, 13, 14, 14, 14, 15, 15, 15)};
+  float16 corners[4][3];
+  for (uint k = 0; k < 4; ++k) {
+    const float x = p->corners[k][0], y = p->corners[k][1], z = p->corners[k][2];
+    corners[k][0] = (float16)(x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x);
+    corners[k][1] = (float16)(y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y);
+    corners[k][2] = (float16)(z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z);
+  }
+  for (int j = 0; j < side; ++j) {
+    __global const float* row = map + 3 * ((size_t)p->texels + (size_t)(j << shift) * p->row);
+    __global float* to = vertices + (size_t)j * (uint)floats;
+    const float t = (float)j * inverse_n, t1 = 1.0f - t;
+    for (int at = 0; at < floats; at += 48) {
+#pragma unroll
+      for (int turn = 0; turn < 3; ++turn) {
+        const int from = at + 16 * turn;
+        if (from >= floats) break;
+        const int16 i = index[turn] + at / 3;
+        const float16 s = convert_float16(i) * inverse_n, s1 = 1.0f - s;
+        const float16 base = (corners[0][turn] * s1 + corners[1][turn] * s) * t1 +
+                             (corners[3][turn] * s1 + corners[2][turn] * s) * t;
+        float16 d;
+        if (shift == 0) {
+          d = vload16(0, row + from);
+        } else {
+          int texel[16];
+          vstore16(min(i, n) << (int)shift, 0, texel);
+          float each[16];
+          for (int lane = 0; lane < 16; ++lane) each[lane] = row[3 * texel[lane] + (from + lane) % 3];
+          d = vload16(0, each);
+        }
+        vstore16(base + d, 0, to + from);
       }
+    }
+  }
+  if (edges == level * 0x01010101u) return;
+  for (uint k = 0; k < (uint)side; ++k) {  // borders that are coarser
+    const uint places[4][2] = {{k, 0}, {(uint)n, k}, {k, (uint)n}, {0, k}};
+    for (uint edge = 0; edge < 4; ++edge) {
+      const uint i = places[edge][0], j = places[edge][1];
+      if (edge_level(edges, edge) < level)
+        vstore3(patch_vertex(p, map, level, edges, i, j), j * (uint)side + i, vertices);
     }
   }
 }
@@ -170,15 +190,18 @@ static inline void build_vertices(__global const Patch* p, __global const float*
 // 16 micro-quads: 5 x 5 vertices. `block` is the b-th of the finest level.
 static inline void build_leaves16(__global PatchBlock* block, __global const float* vertices, uint level, uint b,
                                   const float* root_lo, const float* per_quantum) {
-  const uint n = 1u << level, side = n + 1, count = side * side;
+  const uint n = 1u << level, side = n + 1;
   const uint i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
+  float16 rows[5];  // of five vertices, and a float more
+  for (uint row = 0; row < 5; ++row) rows[row] = vload16(0, vertices + 3 * ((j + row) * side + i));
   float16 e[3], f[3];
+#pragma unroll
   for (uint axis = 0; axis < 3; ++axis) {
-    __global const float* from = vertices + axis * count + j * side + i;
     float4 left[5], right[5];
+#pragma unroll
     for (uint row = 0; row < 5; ++row) {
-      left[row] = vload4(0, from + row * side);
-      right[row] = vload4(0, from + row * side + 1);
+      left[row] = axis == 0 ? rows[row].s0369 : axis == 1 ? rows[row].s147a : rows[row].s258b;
+      right[row] = axis == 0 ? rows[row].s369c : axis == 1 ? rows[row].s47ad : rows[row].s58be;
     }
     const float16 p00 = MORTON16(left[0], left[1], left[2], left[3]);
     const float16 p10 = MORTON16(right[0], right[1], right[2], right[3]);
@@ -261,9 +284,7 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
 #else
   for (uint v = id; v < count; v += GROUP) {
     const float3 place = patch_vertex(p, map, level, build.edges, v % side, v / side);
-    vertices[v] = place.x;
-    vertices[v + count] = place.y;
-    vertices[v + 2 * count] = place.z;
+    vstore3(place, v, vertices);
   }
   GROUP_BARRIER;
   for (uint m = id; m < n * n; m += GROUP) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);

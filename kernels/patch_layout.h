@@ -43,7 +43,8 @@ typedef struct Patch {
   rbvh_u32 row;         // texels from one row of the map to the next
   rbvh_u32 level;       // of its tile: 2^level + 1 texels a side
   rbvh_u32 loose;       // a border can be so coarse that it leaves the parts at it; their boxes are the patch's own
-  rbvh_u32 unused[2];
+  float size;           // how long it is: its micro-quads' sides, root mean square, times their number in a row
+  rbvh_u32 unused;
 } Patch;
 RBVH_LAYOUT_SIZE(Patch, 96);
 
@@ -53,7 +54,7 @@ typedef struct PatchParts {
 } PatchParts;
 RBVH_LAYOUT_SIZE(PatchParts, 192);
 
-// Where a patch's hierarchy is, if it is: blocks, then the displaced vertices, all x, all y, all z, row by row.
+// Where a patch's hierarchy is, if it is: blocks, then the displaced vertices, x y z, row by row.
 typedef struct PatchSlot {
   rbvh_u32 at;     // in the cache, in blocks; PATCH_NOT_BUILT
   rbvh_u32 level;

@@ -28,7 +28,7 @@ typedef struct PatchFound {
 
 typedef struct PatchTree {
   __global const PatchBlock* blocks;
-  __global const float* vertices;
+  __global const float* vertices;  // x y z, row by row
   uint level;
   uint wanted;  // levels that the ray can resolve; at most `level`
 } PatchTree;
@@ -63,27 +63,34 @@ static inline uint meet_planes16(__global const ushort (*planes)[PATCH_WIDTH], c
   return lane_bits16(enter <= leave);
 }
 
-// The level that resolves what the ray does at t: the patch's box in micro-quads no larger than that. `speed`: the
+// The level that resolves what the ray does at t: micro-quads whose sides are no longer than that. `speed`: the
 // direction's length.
 static inline uint wanted_level(__global const Patch* p, RayDetail detail, float t, float speed, uint most) {
   const float resolved = (detail.width + detail.spread * max(t, 0.0f)) * speed;
-  const float3 extent = vload3(0, p->hi) - vload3(0, p->lo);
-  const float pieces = max(extent.x, max(extent.y, extent.z)) / resolved;
+  const float pieces = p->size / resolved;
   if (!(pieces < (float)(1u << PATCH_MOST_LEVEL))) return most;
   uint level = 0;
   while (level < most && (float)(1u << level) < pieces) ++level;
   return level;
 }
 
-#define QUAD_CORNERS(axis) (float4)(vload2(0, at + (axis) * count), vload2(0, at + (axis) * count + side).s10)
+// A micro-quad's corners a b c d, one row an axis.
+static inline void load_corners(const PatchTree* tree, uint m, float4* corners) {
+  const uint side = (1u << tree->level) + 1;
+  __global const float* at = tree->vertices + 3 * (even_bits(m >> 1) * side + even_bits(m));
+  const float8 ab = vload8(0, at), dc = vload8(0, at + 3 * side);  // two floats more than needed
+  corners[0] = (float4)(ab.s03, dc.s30);
+  corners[1] = (float4)(ab.s14, dc.s41);
+  corners[2] = (float4)(ab.s25, dc.s52);
+}
 
 // Micro-quad m of the finest level: triangles a b c and a c d. True where the hit is nearer.
 static inline bool meet_micro_quad(const PatchTree* tree, uint m, const Query* q, PatchFound* found) {
-  const uint side = (1u << tree->level) + 1, count = side * side;
-  __global const float* at = tree->vertices + even_bits(m >> 1) * side + even_bits(m);
-  const float4 z = QUAD_CORNERS(q->kz) - q->origin[q->kz];
-  const float4 x = (QUAD_CORNERS(q->kx) - q->origin[q->kx]) - q->sx * z;
-  const float4 y = (QUAD_CORNERS(q->ky) - q->origin[q->ky]) - q->sy * z;
+  float4 corners[3];
+  load_corners(tree, m, corners);
+  const float4 z = corners[q->kz] - q->origin[q->kz];
+  const float4 x = (corners[q->kx] - q->origin[q->kx]) - q->sx * z;
+  const float4 y = (corners[q->ky] - q->origin[q->ky]) - q->sy * z;
   // Twice the signed areas between the ray and the edges ab, bc, cd, da; and the diagonal ac.
   float4 edge = x * y.yzwx - y * x.yzwx;
   float ac = x.s0 * y.s2 - y.s0 * x.s2;
@@ -118,17 +125,17 @@ static inline bool meet_micro_quad(const PatchTree* tree, uint m, const Query* q
 // From a hit triangle to u, v in the patch and a normal.
 static inline void finish_found(const PatchTree* tree, PatchFound* found) {
   if (found->hit < FOUND_TRIANGLE) return;
-  const uint n = 1u << tree->level, side = n + 1, count = side * side;
-  const uint i = even_bits(found->at), j = even_bits(found->at >> 1), second = found->hit - FOUND_TRIANGLE;
-  __global const float* at = tree->vertices + j * side + i;
+  const uint n = 1u << tree->level, second = found->hit - FOUND_TRIANGLE;
+  const uint i = even_bits(found->at), j = even_bits(found->at >> 1);
+  float4 corners[3];
+  load_corners(tree, found->at, corners);
   const float v = found->u, w = found->v;
   found->u = ((float)i + (second ? v : v + w)) / (float)n;
   found->v = ((float)j + (second ? v + w : w)) / (float)n;
   float p[3], r[3], largest = 0.0f;
   for (uint axis = 0; axis < 3; ++axis) {
-    const float4 corners = QUAD_CORNERS(axis);
-    p[axis] = (second ? corners.z : corners.y) - corners.x;
-    r[axis] = (second ? corners.w : corners.z) - corners.x;
+    p[axis] = (second ? corners[axis].z : corners[axis].y) - corners[axis].x;
+    r[axis] = (second ? corners[axis].w : corners[axis].z) - corners[axis].x;
     largest = max(largest, max(fabs(p[axis]), fabs(r[axis])));
   }
   const float3 a = (float3)(p[0], p[1], p[2]) / largest, b = (float3)(r[0], r[1], r[2]) / largest;
@@ -137,8 +144,6 @@ static inline void finish_found(const PatchTree* tree, PatchFound* found) {
   found->normal[1] = normal.y;
   found->normal[2] = normal.z;
 }
-#undef QUAD_CORNERS
-
 // The box of a node as a hit.
 static inline void take_box(__global const PatchBlock* block, uint lane, float t, PatchFound* found) {
   const uint n = block->normals[lane], uv = block->uvs[lane];
@@ -152,8 +157,14 @@ static inline void take_box(__global const PatchBlock* block, uint lane, float t
 }
 
 #ifdef WIDE
-// What is to be visited: a block's place, the level of its nodes, and which quarter of it (0: all).
-#define VISIT(at, level, quarter) ((at) + ((level) << 24) + ((quarter) << 28))
+// What is to be visited: a block's place, the level of its nodes, and which quarters of it as bits (0: all).
+#define VISIT(at, level, quarters) ((at) + ((level) << 24) + ((quarters) << 28))
+
+// Each of four bits four times.
+static inline uint four_times(uint bits) {
+  bits = (bits | bits << 6) & 0x303u;
+  return ((bits | bits << 3) & 0x1111u) * 15u;
+}
 
 // The finest level's micro-quads in `mask` of a block, nearest first. Returns how many were met.
 static inline uint meet_leaves(const PatchTree* tree, uint first, uint mask, float16 entry, const Query* q, uint any,
@@ -184,20 +195,23 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
   uint stack[PATCH_STACK], depth = 0, visited = 0, current;
   float stack_t[PATCH_STACK];
   if (p->loose || level < 4) {
-    current = level & 1 ? VISIT(0u, 1u, 4u) : VISIT(1u, 2u, 0u);
+    current = level & 1 ? VISIT(0u, 1u, 8u) : VISIT(1u, 2u, 0u);
   } else if (level & 1) {
-    // The quarters that the parts' children are, four parts' in a block.
+    // A part's children are a quarter of a block, four parts' a block.
     float t[16];
     vstore16(parts_entry, 0, t);
-    for (uint mask = parts; mask != 0; mask &= mask - 1) {
-      const uint lane = lowest_bit(mask);
+    for (uint k = 0; k < 4; ++k) {
+      const uint quarters = parts >> 4 * k & 15;
+      if (quarters == 0) continue;
+      float first_t = INFINITY;
+      for (uint rest = quarters; rest != 0; rest &= rest - 1) first_t = min(first_t, t[4 * k + lowest_bit(rest)]);
       uint at = depth++;
-      for (; at > 0 && stack_t[at - 1] < t[lane]; --at) {
+      for (; at > 0 && stack_t[at - 1] < first_t; --at) {
         stack[at] = stack[at - 1];
         stack_t[at] = stack_t[at - 1];
       }
-      stack[at] = VISIT(2 + lane / 4, 3u, 1 + lane % 4);
-      stack_t[at] = t[lane];
+      stack[at] = VISIT(2 + k, 3u, quarters);
+      stack_t[at] = first_t;
     }
     if (depth == 0) return 0;
     current = stack[--depth];
@@ -207,11 +221,11 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
   }
   while (true) {
     ++visited;
-    const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarter = current >> 28;
+    const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarters = current >> 28;
     __global const PatchBlock* block = tree->blocks + at;
     float16 entry;
     uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
-    if (quarter != 0) mask &= 0xfu << 4 * (quarter - 1);
+    if (quarters != 0) mask &= four_times(quarters);
     uint next = 0;
     if (mask != 0) {
       const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node

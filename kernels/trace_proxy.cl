@@ -365,11 +365,12 @@ __kernel void take_hits(__global const uint* active, uint count, uint any,
   if (goes_on) next_active[atomic_inc(next_count)] = r;
 }
 
-__kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, __global uint* active, uint count,
-                         uint keep_hits, __global uint* steps) {
-  const uint i = (uint)get_global_id(0);
-  if (i >= count) return;
-  active[i] = i;
+// Of `count` rays from `first` on every `stride`-th is active.
+__kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, __global uint* active, uint first,
+                         uint count, uint stride, uint keep_hits, __global uint* steps) {
+  const uint at = (uint)get_global_id(0), i = first + at;
+  if (at >= count) return;
+  active[at] = first + min(at * stride + stride / 2, count - 1);
   if (!keep_hits) {
     Hit none;
     none.t = INFINITY;

@@ -16,12 +16,14 @@
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kBatch = std::size_t{1} << 18;    // rays whose pairs are in memory at once
+constexpr std::size_t kBatch = std::size_t{1} << 20;    // rays whose pairs are in memory at once
+constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
 constexpr std::uint32_t kJobRays = 2048;                // of one patch: more are several jobs
 constexpr std::uint32_t kLeastLevel = 2;                // 16 micro-quads cost as much as one
 constexpr std::size_t kGpuGroup = 64, kRayGroup = 64;
 constexpr std::uint32_t kGpuGroups = 1024;              // that fill any GPU
 constexpr std::uint32_t kCpuGroupsPerUnit = 4;
+constexpr std::uint32_t kScouts = 16;                   // every so many-th ray is one
 
 std::uint32_t block_count(std::uint32_t level) {
   return level == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * level) + 32) / 48);
@@ -30,8 +32,9 @@ std::uint32_t block_count(std::uint32_t level) {
 /// Blocks and vertices.
 std::uint32_t slot_blocks(std::uint32_t level) {
   const std::size_t side = (std::size_t{1} << level) + 1;
-  const std::size_t vertices = (3 * sizeof(float) * side * side + sizeof(PatchBlock) - 1) / sizeof(PatchBlock);
-  return block_count(level) + static_cast<std::uint32_t>(vertices);
+  const std::size_t floats = 3 * side * side + 16;  // kernels write a little more than the last one
+  return block_count(level) +
+         static_cast<std::uint32_t>((floats * sizeof(float) + sizeof(PatchBlock) - 1) / sizeof(PatchBlock));
 }
 
 /// Of every node down to PATCH_LINKED_LEVEL: its first child and the node to go on with when it is passed by.
@@ -103,6 +106,7 @@ struct ProxyTracerState {
   std::vector<PatchSlot> slots;  ///< at: PATCH_NOT_BUILT, too, where another level is built than is wanted
   Buffer<PatchSlot> device_slots;
   bool slots_changed = true;
+  bool expects_misses = true;  ///< so many that scouts pay
 
   // Scratch, for as many rays as the largest batch so far.
   std::size_t scratch_rays = 0;
@@ -111,9 +115,6 @@ struct ProxyTracerState {
   Buffer<std::uint32_t> offsets;
   Buffer<Hit> pair_hits;
   Buffer<std::uint32_t> nearest;  ///< 64 bits a ray, or nothing
-  Buffer<Ray> batch_rays;
-  Buffer<Hit> batch_hits;
-  Buffer<std::uint32_t> batch_steps;
 };
 
 namespace {
@@ -190,10 +191,15 @@ void upload_slots(State& state) {
 
 /// After a change of levels: what is built otherwise is not built.
 void match_slots(State& state) {
-  for (std::size_t p = 0; p < state.slots.size(); ++p)
-    if (state.slots[p].at != PATCH_NOT_BUILT && !(state.built[p] == state.wanted[p]))
-      state.slots[p].at = PATCH_NOT_BUILT;
+  std::size_t built = 0, kept = 0;
+  for (std::size_t p = 0; p < state.slots.size(); ++p) {
+    if (state.slots[p].at == PATCH_NOT_BUILT) continue;
+    ++built;
+    if (state.built[p] == state.wanted[p]) ++kept;
+    else state.slots[p].at = PATCH_NOT_BUILT;
+  }
   state.slots_changed = true;
+  state.expects_misses = state.expects_misses || kept < built;
 }
 
 void set_levels(State& state, std::span<const std::uint32_t> levels) {
@@ -208,14 +214,14 @@ void set_levels(State& state, std::span<const std::uint32_t> levels) {
 void grow_scratch(const Device& device, State& state, std::size_t rays) {
   if (rays <= state.scratch_rays) return;
   state.scratch_rays = rays;
-  const std::size_t pairs = rays * state.config.pairs;
+  const std::size_t batch = std::min(rays, kBatch), pairs = std::max(batch, kLeastPairs);
   state.progress = {device, rays};
-  for (Buffer<std::uint32_t>& list : state.active) list = {device, rays};
+  for (Buffer<std::uint32_t>& list : state.active) list = {device, batch};
   state.pair_keys = {device, pairs};
   state.pair_rays = {device, pairs};
   state.pair_places = {device, pairs};
   state.pair_steps = {device, pairs};
-  state.pair_ranges = {device, 2 * rays};
+  state.pair_ranges = {device, 2 * batch};
   state.pair_hits = {device, pairs};
   if (state.config.atomics) {
     state.nearest = {device, 2 * rays};
@@ -226,21 +232,24 @@ void grow_scratch(const Device& device, State& state, std::size_t rays) {
 /// One cast of a batch.
 class Cast {
  public:
-  Cast(const Device& device, State& state, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-       RayQuery query, const Buffer<std::uint32_t>* steps)
+  Cast(const Device& device, State& state, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t first,
+       std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps)
       : device_(device),
         state_(state),
         rays_(rays),
         hits_(hits),
+        first_(first),
         count_(count),
         any_(query == RayQuery::kAny ? 1u : 0u),
         steps_(steps != nullptr ? *steps : Buffer<std::uint32_t>()),
         pair_steps_(steps != nullptr ? state.pair_steps : Buffer<std::uint32_t>()) {}
 
-  void run(bool keep_hits) {
-    device_.kernel("trace_proxy", "start_rays", state_.options)
-        .run(count_, kRayGroup, hits_, state_.progress, state_.active[0], static_cast<std::uint32_t>(count_),
-             keep_hits ? 1u : 0u, steps_);
+  void run(bool keep_hits, bool scouts) {
+    if (scouts && count_ >= kScouts * kScouts) {
+      start(keep_hits, kScouts);
+      scout(static_cast<std::uint32_t>(count_ / kScouts));
+    }
+    start(keep_hits, 1);
     state_.stats.rays += count_;
     std::size_t active = count_;
     for (int round = 0; active > 0; ++round) {
@@ -250,21 +259,59 @@ class Cast {
   }
 
  private:
-  /// Returns how many rays go on.
-  std::uint32_t cast_round(int round, std::uint32_t active) {
-    const Buffer<std::uint32_t>&list = state_.active[round % 2], &next = state_.active[(round + 1) % 2];
-    // Most rays hit the first patch that they meet; those that do not soon want all.
-    const std::uint32_t most = std::min(state_.config.pairs, 1u << std::min(2 * round, 8));
+  void start(bool keep_hits, std::uint32_t stride) {
+    device_.kernel("trace_proxy", "start_rays", state_.options)
+        .run(count_, kRayGroup, hits_, state_.progress, state_.active[0], static_cast<std::uint32_t>(first_),
+             static_cast<std::uint32_t>(count_), stride, keep_hits ? 1u : 0u, steps_);
+  }
+
+  /// A few of the rays look which patches come first; those are built before the others come, which then need not be
+  /// gathered.
+  void scout(std::uint32_t count) {
     PhaseWatch watch(device_, state_.stats.timed);
+    const std::uint32_t pairs = cast_top(state_.active[0], count, 1, false);
+    state_.stats.top += watch.lap();
+    std::vector<std::uint32_t> keys(pairs);
+    state_.pair_keys.read(keys);
+    std::sort(keys.begin(), keys.end());
+    keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+    needed_.assign(state_.patches.size(), 0);
+    for (const std::uint32_t pair : keys) {
+      const PatchInstance& placed = instance_of(pair);
+      if (!provide(placed.first_patch + (pair - placed.first_pair))) break;
+    }
+    state_.stats.sort += watch.lap();
+    flush(watch);
+  }
+
+  const PatchInstance& instance_of(std::uint32_t pair) const {
+    return *(std::upper_bound(state_.instances.begin(), state_.instances.end(), pair,
+                              [](std::uint32_t p, const PatchInstance& placed) { return p < placed.first_pair; }) -
+             1);
+  }
+
+  /// Returns the number of pairs.
+  std::uint32_t cast_top(const Buffer<std::uint32_t>& list, std::uint32_t active, std::uint32_t most, bool at_once) {
     upload_slots(state_);
     state_.counts.fill(0);
     device_.kernel("trace_proxy", "cast_top", state_.options)
         .run(active, kRayGroup, state_.nodes, state_.top, state_.device_instances, state_.device_patches,
              state_.device_parts, state_.device_slots, state_.cache_memory, state_.links, rays_, list, active, any_,
-             state_.config.at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress,
-             state_.pair_keys, state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.counts, steps_);
+             at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys, state_.pair_rays,
+             state_.pair_places, state_.pair_ranges, state_.counts, steps_);
     std::uint32_t pairs = 0;
     state_.counts.read(std::span(&pairs, 1));
+    return pairs;
+  }
+
+  /// Returns how many rays go on.
+  std::uint32_t cast_round(int round, std::uint32_t active) {
+    const Buffer<std::uint32_t>&list = state_.active[round % 2], &next = state_.active[(round + 1) % 2];
+    // Most rays hit the first patch that they meet; those that do not soon want all.
+    const auto room = static_cast<std::uint32_t>(std::max<std::size_t>(1, state_.pair_keys.size() / active));
+    const std::uint32_t most = std::min({state_.config.pairs, 1u << std::min(2 * round, 8), room});
+    PhaseWatch watch(device_, state_.stats.timed);
+    const std::uint32_t pairs = cast_top(list, active, most, state_.config.at_once);
     state_.stats.top += watch.lap();
     if (pairs == 0) return 0;
     state_.stats.pairs += pairs;
@@ -376,7 +423,7 @@ class Cast {
   State& state_;
   const Buffer<Ray>& rays_;
   const Buffer<Hit>& hits_;
-  std::size_t count_;
+  std::size_t first_, count_;
   std::uint32_t any_;
   Buffer<std::uint32_t> steps_, pair_steps_;
   Buffer<std::uint32_t> queue_{device_, 1}, next_count_{device_, 1};
@@ -392,29 +439,12 @@ void trace(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>
   const Device& device = tracer.device;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
   if (!state.config.keep) clear_cache(tracer);
-  const std::size_t batch = std::min(count, kBatch);
-  grow_scratch(device, state, batch);
-  if (count <= kBatch) {
-    Cast(device, state, rays, hits, count, query, steps).run(keep_hits);
-    return;
-  }
-  if (state.batch_rays.size() == 0) {
-    state.batch_rays = {device, kBatch};
-    state.batch_hits = {device, kBatch};
-    state.batch_steps = {device, kBatch};
-  }
-  Buffer<Hit> all_hits = hits;
-  Buffer<std::uint32_t> all_steps = steps != nullptr ? *steps : Buffer<std::uint32_t>();
-  for (std::size_t first = 0; first < count; first += kBatch) {
-    const std::size_t part = std::min(kBatch, count - first);
-    state.batch_rays.copy_from(rays, part, 0, first);
-    if (keep_hits) state.batch_hits.copy_from(hits, part, 0, first);
-    if (keep_hits && steps) state.batch_steps.copy_from(*steps, part, 0, first);
-    Cast(device, state, state.batch_rays, state.batch_hits, part, query, steps ? &state.batch_steps : nullptr)
-        .run(keep_hits);
-    all_hits.copy_from(state.batch_hits, part, first, 0);
-    if (steps) all_steps.copy_from(state.batch_steps, part, first, 0);
-  }
+  grow_scratch(device, state, count);
+  const bool scouts = state.config.at_once && state.expects_misses;
+  const std::uint64_t pairs_before = state.stats.pairs;
+  for (std::size_t first = 0; first < count; first += kBatch)
+    Cast(device, state, rays, hits, first, std::min(kBatch, count - first), query, steps).run(keep_hits, scouts);
+  state.expects_misses = (state.stats.pairs - pairs_before) * kScouts > count;
 }
 
 }  // namespace
@@ -450,7 +480,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.config.atomics = config.atomics && device.info().has_int64_atomics;
 
   for (const Proxy* proxy : proxies) add_proxy(state, *proxy);
-  state.map = {device, std::max<std::size_t>(1, 3 * state.map_texels)};
+  state.map = {device, 3 * state.map_texels + 16};  // kernels read a little more than the last one
   std::size_t at = 0;
   for (const Proxy* proxy : proxies) {
     state.map.write({&proxy->map.data()->x, 3 * proxy->map.size()}, at);
@@ -559,14 +589,13 @@ void set_detail(const ProxyTracer& tracer, const CameraRays& camera, double pixe
                                 : (&instance + 1)->first_pair;
     for (std::size_t i = 0; i < end - instance.first_pair; ++i) {
       const Patch& p = state.patches[instance.first_patch + i];
-      double square = 0, longest = 0;
+      double square = 0;
       for (int axis = 0; axis < 3; ++axis) {
         const double lo = p.lo[axis], hi = p.hi[axis];
         const double gap = std::max({lo - at[axis], at[axis] - hi, 0.0});
         square += gap * gap;
-        longest = std::max(longest, hi - lo);
       }
-      const double pieces = longest / (spread * std::sqrt(square));
+      const double pieces = static_cast<double>(p.size) / (spread * std::sqrt(square));
       std::uint32_t level = std::min(kLeastLevel, p.level);
       while (level < p.level && !(static_cast<double>(1u << level) >= pieces)) ++level;
       std::uint32_t& wanted = levels[instance.first_patch + i];
@@ -631,7 +660,7 @@ void clear_cache(const ProxyTracer& tracer) {
   State& state = *tracer.state;
   state.cache.clear();
   for (PatchSlot& slot : state.slots) slot.at = PATCH_NOT_BUILT;
-  state.slots_changed = true;
+  state.slots_changed = state.expects_misses = true;
 }
 
 }  // namespace rbvh

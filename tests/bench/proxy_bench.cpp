@@ -293,8 +293,8 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
   const ExactTracer twin = make_exact_tracer(device, mesh);
   std::printf(
       "\n## By rays a patch: %zu patches, %.1f M triangles tessellated\n\n"
-      "| image | patches reached | rays a patch | direct, cold [ms] | direct, cached [ms] | twin [ms] | cold / twin | "
-      "cached / twin |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n",
+      "| image | patches reached | rays a patch | top, sort, build, patches [ms] | direct, cold [ms] | direct, cached [ms] | twin [ms] | cold / twin | "
+      "cached / twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       proxy.quads.size(), static_cast<double>(mesh.triangles.size()) * 1e-6);
   for (const std::uint32_t resolution : {64u, 104u, 144u, 200u, 288u, 408u, 576u, 816u, 1152u, 1632u}) {
     const CameraRays camera = make_camera(box_of(proxy), resolution);
@@ -315,7 +315,12 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       cold_ratios.push_back(cold.back() / exact.back());
       cached_ratios.push_back(cached.back() / exact.back());
     }
+    clear_cache(tracer);
+    stats(tracer) = {};
+    stats(tracer).timed = true;
     time(tracer);
+    const ProxyStats phases = stats(tracer);
+    stats(tracer).timed = false;
     std::vector<char> reached(proxy.quads.size(), 0);
     std::size_t found = 0;
     for (const Hit& hit : hits.read()) {
@@ -324,8 +329,9 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       ++found;
     }
     const auto patches = std::max<std::ptrdiff_t>(1, std::count(reached.begin(), reached.end(), 1));
-    std::printf("| %u | %td | %.1f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", resolution, patches,
-                static_cast<double>(found) / static_cast<double>(patches), median(cold), median(cached), median(exact),
+    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", resolution, patches,
+                static_cast<double>(found) / static_cast<double>(patches), phases.top * 1e3,
+                phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold), median(cached), median(exact),
                 median(cold_ratios), median(cached_ratios));
     std::fflush(stdout);
   }
@@ -334,7 +340,7 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
 int run(int argc, char** argv) {
   Options options;
   CLI::App app("Measures proxies traced untessellated beside their tessellated twins; prints tables");
-  app.add_option("SCENE", options.scenes, "pumpkin, bark, barks, party (default: all)");
+  app.add_option("SCENE", options.scenes, "pumpkin, bark, barks, party (default: all), or none");
   app.add_option("--resolution", options.resolution, "pixels each way")->capture_default_str();
   app.add_option("--repetitions", options.repetitions, "timed tracings of each kind")->capture_default_str();
   app.add_option("--bounces", options.bounces, "indirect bounces")->capture_default_str();
@@ -345,7 +351,8 @@ int run(int argc, char** argv) {
   if (options.scenes.empty()) options.scenes = {"pumpkin", "bark", "barks", "party"};
   try {
     const Device device = Device::open();
-    for (const std::string& name : options.scenes) measure(device, options, name);
+    for (const std::string& name : options.scenes)
+      if (name != "none") measure(device, options, name);
     if (options.sweep) measure_rays_a_patch(device, options);
   } catch (const Error& error) {
     std::fprintf(stderr, "proxy_bench: %s\n", error.what());
