@@ -176,9 +176,9 @@ void add_proxy(CLI::App& app, Context& context) {
   add_parsed(
       *stage, "--detail", options->bake.detail, parse_percent_as_fraction, "PERCENT",
       "texels are fine enough that twice as many would change the surface by no more than this, RMS in "
-      "% of the diagonal (default: 0.003)");
+      "% of the diagonal (default: 0.006)");
   add_parsed(*stage, "--max-side", options->bake.max_side, parse_side, "N",
-             "texels a side of a patch's tile at most, 2^k + 1 (default: 65)");
+             "texels a side of a patch's tile at most, 2^k + 1 (default: 129)");
   add_parsed(*stage, "--min-component", options->bake.min_component, parse_component, "PERCENT",
              "leave out parts with less than this share of the area (default: 0.1; 0: keep all)");
 }

@@ -22,6 +22,7 @@ namespace {
 constexpr double kWorstPoint = 8;
 // Points that only move along the surface matter less (squared): it is another parametrisation of the same.
 constexpr double kAlongWeight = 0.04;
+constexpr double kQuantaPerDetail = 32;
 constexpr std::uint32_t kFirstSide = 9;  ///< of the grids that are tried
 constexpr int kMostTries = 6;            ///< at a base of few enough quads
 
@@ -245,7 +246,14 @@ std::vector<Grid> make_grids(const Quads& quads, const BakeConfig& config, doubl
   return grids;
 }
 
-void fill_map(const std::vector<Grid>& grids, Proxy& proxy) {
+// Displacements are multiples of a power of two far below what detail allows: their floats end in zeros, and
+// the map takes two thirds of the bytes.
+void fill_map(const std::vector<Grid>& grids, double allowed, Proxy& proxy) {
+  const float quantum = static_cast<float>(std::exp2(std::floor(std::log2(allowed / kQuantaPerDetail))));
+  const auto rounded = [&](float x) {
+    const float steps = std::round(x / quantum);
+    return std::abs(steps) < 0x1p23f ? steps * quantum : x;
+  };
   for (std::size_t i = 0; i < grids.size(); ++i) {
     const PatchTile& tile = proxy.tiles[i];
     const std::uint32_t last = tile.side - 1;
@@ -253,8 +261,9 @@ void fill_map(const std::vector<Grid>& grids, Proxy& proxy) {
       for (std::uint32_t x = 0; x <= last; ++x) {
         // Base vertices lie on the scan.
         const bool is_corner = (x == 0 || x == last) && (y == 0 || y == last);
-        proxy.map[texel_index(proxy, tile, x, y)] =
-            is_corner ? Vec3f{} : grids[i].at(x, y) - base_point(proxy, proxy.quads[i], tile.side, x, y);
+        if (is_corner) continue;
+        const Vec3f v = grids[i].at(x, y) - base_point(proxy, proxy.quads[i], tile.side, x, y);
+        proxy.map[texel_index(proxy, tile, x, y)] = {rounded(v.x), rounded(v.y), rounded(v.z)};
       }
   }
 }
@@ -287,11 +296,12 @@ Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& co
 
   Proxy proxy;
   make_base(quads, proxy);
-  const std::vector<Grid> grids = make_grids(quads, config, config.detail * diagonal, counts, progress);
+  const double allowed = config.detail * diagonal;
+  const std::vector<Grid> grids = make_grids(quads, config, allowed, counts, progress);
   measure_distortion(grids, counts);
   for (const Grid& grid : grids) proxy.tiles.push_back({0, 0, grid.side, 0});
   pack_map(proxy);
-  fill_map(grids, proxy);
+  fill_map(grids, allowed, proxy);
   join_edges(proxy);
   for (const PatchTile& tile : proxy.tiles)
     counts.longest_displacement = std::max<double>(counts.longest_displacement, tile.longest_displacement);

@@ -41,10 +41,9 @@ std::vector<double> ring_angles(const std::vector<Vec3d>& spokes, bool is_rim, d
   return angles;
 }
 
-bool is_fan(const std::vector<Flat>& ring, std::size_t from) {
+bool is_fan(const std::vector<Flat>& ring, std::size_t from, double least_area) {
   for (std::size_t i = 0; i + 1 < ring.size(); ++i)
-    if (i != from && i + 1 != from &&
-        !(cross(ring[i] - ring[from], ring[i + 1] - ring[from]) > kLeastFanArea))
+    if (i != from && i + 1 != from && !(cross(ring[i] - ring[from], ring[i + 1] - ring[from]) > least_area))
       return false;
   return true;
 }
@@ -52,7 +51,7 @@ bool is_fan(const std::vector<Flat>& ring, std::size_t from) {
 // z^a (the conformal map of a cone to the plane), or, where the fan would fold, all neighbours on a circle,
 // which is convex: no fan folds there.
 std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_rim, std::size_t fan_from,
-                          bool& is_circle) {
+                          double least_area, bool& is_circle) {
   std::vector<Vec3d> spokes(ring.size());
   double mean = 0;
   for (std::size_t i = 0; i < ring.size(); ++i) {
@@ -73,7 +72,7 @@ std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_rim
   if (total > 0) {
     const double turn = (is_rim ? 1 : 2) * std::numbers::pi;
     lay(std::clamp(turn / total, 0.5, 2.0));
-    is_circle = !is_fan(flat, fan_from);
+    is_circle = !is_fan(flat, fan_from, least_area);
   } else {
     is_circle = true;
   }
@@ -90,7 +89,7 @@ std::uint32_t SelfMap::remove_vertex(Vec3d center, std::span<const Vec3d> ring,
   RBVH_CHECK(is_rim || star.size() == ring.size());
   RBVH_CHECK(fan_from == 0 || (is_rim && fan_from + 1 == ring.size()));
   bool is_circle = false;
-  const std::vector<Flat> flat = flatten(center, ring, is_rim, fan_from, is_circle);
+  const std::vector<Flat> flat = flatten(center, ring, is_rim, fan_from, kLeastFanArea, is_circle);
   circle_steps_ += is_circle;
 
   const std::uint32_t first = version_count();
@@ -105,6 +104,13 @@ std::uint32_t SelfMap::remove_vertex(Vec3d center, std::span<const Vec3d> ring,
   }
   step_of_.insert(step_of_.end(), ring.size() - 2, step);
   return first;
+}
+
+bool SelfMap::lies_flat(Vec3d center, std::span<const Vec3d> ring, bool is_rim, std::uint32_t fan_from,
+                        double least_area) {
+  bool is_circle = false;
+  flatten(center, ring, is_rim, fan_from, least_area, is_circle);
+  return !is_circle;
 }
 
 FacePoint SelfMap::to_original(FacePoint point) const {

@@ -49,6 +49,11 @@ class SelfMap {
   std::uint32_t remove_vertex(Vec3d center, std::span<const Vec3d> ring, std::span<const StarFace> star,
                               std::uint32_t fan_from);
 
+  /// Whether remove_vertex() of a vertex inside the mesh could lay the star flat as it is, with no triangle
+  /// of the fan flatter than `least_area` (twice the area over the square of the star's mean radius).
+  static bool lies_flat(Vec3d center, std::span<const Vec3d> ring, bool is_rim, std::uint32_t fan_from,
+                        double least_area);
+
   /// The point of the original mesh. Safe to call from several threads.
   FacePoint to_original(FacePoint point) const;
 
