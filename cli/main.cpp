@@ -63,6 +63,7 @@ void flush_stdout() {
 void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_ingest(app, context);
   add_build(app, context);
+  add_proxy(app, context);
   add_render(app, context);
   add_trace(app, context);
   add_info(app, context);

@@ -11,6 +11,7 @@ struct Context;
 
 void add_ingest(CLI::App& app, Context& context);
 void add_build(CLI::App& app, Context& context);
+void add_proxy(CLI::App& app, Context& context);
 void add_render(CLI::App& app, Context& context);
 void add_trace(CLI::App& app, Context& context);
 void add_info(CLI::App& app, Context& context);
