@@ -22,6 +22,7 @@ struct TraceOptions {
   std::string file, rays;
   std::vector<std::string> levels;
   ExactOptions exact;
+  SceneConfig scene;
   bool any = false;
 };
 
@@ -78,7 +79,9 @@ void run_trace(Context& context, const TraceOptions& options) {
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
-  const Caster caster = make_caster(device, subject, level, exact);
+  SceneConfig config = options.scene;
+  config.exact = exact;
+  const Caster caster = make_caster(device, subject, level, config);
   device.finish();
   const double upload_seconds = watch.lap();
 
@@ -122,6 +125,7 @@ void run_trace(Context& context, const TraceOptions& options) {
                       " rays are not finite or have no direction; they miss");
   context.report["device"] = device_json(device.info());
   if (subject.scan()) report_exact(context, exact);
+  report_proxies(context, caster);
   context.report["timings"] = {{"load", load_seconds}, {"upload", upload_seconds}, {"trace", cast_seconds}};
   context.report["counts"] = {{"rays", rays.rows},
                               {"hits", found},
@@ -140,7 +144,7 @@ void add_trace(CLI::App& app, Context& context) {
                                "rbvh trace dragon.rbvh --rays rays.npy -o hits.npy"},
                               kWithOutput | kWithDevice | kWithReport,
                               [&context, options] { run_trace(context, *options); });
-  stage->add_option("FILE", options->file, "an .rbvh pair, or a scan")->required();
+  stage->add_option("FILE", options->file, "an .rbvh pair, a scan, a proxy or a scene (.json)")->required();
   stage
       ->add_option(
           "--rays", options->rays,
@@ -151,6 +155,7 @@ void add_trace(CLI::App& app, Context& context) {
   stage->add_flag("--any", options->any, "any hit instead of the nearest: faster, for visibility");
   add_level_option(*stage, options->levels, false);
   add_exact_options(*stage, options->exact);
+  add_proxy_options(*stage, options->scene, false);
 }
 
 }  // namespace rbvh

@@ -21,7 +21,7 @@ namespace rbvh {
 
 #define PATCH_WIDTH 16
 #define PATCH_FIRST_LANE 11  // of the root in block 0
-#define PATCH_MOST_LEVEL 11
+#define PATCH_MOST_LEVEL 12
 #define PATCH_LINKED_LEVEL 7  // deeper nodes' links do not fit 16 bits; they are computed
 #define PATCH_NOT_BUILT 0xffffffffu
 

@@ -9,6 +9,7 @@
 //
 // GROUP work-items share a job; WIDE: boxes are met 16 at once; STACK: entries of the upper hierarchies' stack;
 // MOST: pairs a ray and round; ATOMICS: nearest hits by 64-bit atomic minimum, else in order.
+#include "object_ray.h"
 #include "patch_query.h"
 
 #ifdef ATOMICS
@@ -16,17 +17,9 @@
 #pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
 #endif
 
-// The ray in the object's space; t stays what it was.
-static inline Ray object_ray(__global const PatchInstance* instance, const Ray* ray) {
-  Ray r;
-  for (uint row = 0; row < 3; ++row) {
-    __global const float* m = instance->to_object + 4 * row;
-    r.origin[row] = m[0] * ray->origin[0] + m[1] * ray->origin[1] + m[2] * ray->origin[2] + m[3];
-    r.direction[row] = m[0] * ray->direction[0] + m[1] * ray->direction[1] + m[2] * ray->direction[2];
-  }
-  r.tmin = ray->tmin;
-  r.tmax = ray->tmax;
-  return r;
+static inline Ray instance_ray(__global const PatchInstance* instance, const Ray* ray) {
+  const PatchInstance placed = *instance;
+  return object_ray(placed.to_object, ray);
 }
 
 static inline float ray_speed(const Ray* ray) { return length(vload3(0, ray->direction)); }
@@ -42,22 +35,11 @@ static inline bool prepare_in(__global const PatchInstance* instance, const Ray*
 }
 
 static inline Hit make_hit(const PatchFound* found, __global const PatchInstance* instance, uint patch,
-                           const Ray* ray) {
-  Hit hit;
-  hit.t = INFINITY;
-  hit.normal[0] = hit.normal[1] = hit.normal[2] = 0.0f;
-  hit.u = hit.v = 0.0f;
-  hit.leaf = RBVH_NO_LEAF;
-  hit.flags = 0;
+                           const Ray* world) {
+  Hit hit = no_hit();
   if (found->hit > FOUND_BEFORE) {
-    // A normal goes the other way through the transposed map.
-    __global const float* m = instance->to_object;
-    float3 n;
-    n.x = m[0] * found->normal[0] + m[4] * found->normal[1] + m[8] * found->normal[2];
-    n.y = m[1] * found->normal[0] + m[5] * found->normal[1] + m[9] * found->normal[2];
-    n.z = m[2] * found->normal[0] + m[6] * found->normal[1] + m[10] * found->normal[2];
-    const float3 d = vload3(0, ray->direction);
-    n = dot(n, n) > 0.0f ? normalize(n) : -normalize(d);
+    const PatchInstance placed = *instance;
+    const float3 n = world_normal(placed.to_object, found->normal, world->direction);
     hit.t = found->t;
     hit.normal[0] = n.x;
     hit.normal[1] = n.y;
@@ -65,7 +47,7 @@ static inline Hit make_hit(const PatchFound* found, __global const PatchInstance
     hit.u = found->u;
     hit.v = found->v;
     hit.leaf = instance->first_leaf + (patch - instance->first_patch);
-    hit.flags = dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
+    hit.flags = dot(n, vload3(0, world->direction)) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
   }
   return hit;
 }
@@ -94,6 +76,7 @@ typedef struct Scene {
 } Scene;
 
 typedef struct Search {
+  const Ray* world;
   uint any, at_once, most;
   RayDetail detail;
   PatchProgress after;  // patches entered before are done with
@@ -131,7 +114,7 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
     if (found.hit > FOUND_BEFORE) {
       finish_found(&tree, &found);
       s->limit = found.t;
-      s->hit = make_hit(&found, instance, patch, ray);
+      s->hit = make_hit(&found, instance, patch, s->world);
     }
     return;
   }
@@ -150,7 +133,7 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
 // All patches of an instance, nearest first as far as boxes tell.
 static inline void meet_instance(const Scene* scene, uint at, const Ray* world, Search* s) {
   __global const PatchInstance* instance = scene->instances + at;
-  const Ray ray = object_ray(instance, world);
+  const Ray ray = instance_ray(instance, world);
   Query q;
   if (!prepare_in(instance, &ray, &q)) return;
   uint stack[STACK], depth = 0, current = instance->root;
@@ -191,6 +174,7 @@ __kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global
   const Ray ray = rays[r];
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
   Search s;
+  s.world = &ray;
   s.any = any;
   s.at_once = at_once;
   s.most = most;
@@ -293,7 +277,7 @@ __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __glob
     PatchTree tree = {blocks, slot_vertices(blocks, job.slot.level), job.slot.level, job.slot.level};
     for (uint i = job.begin + (uint)get_local_id(0); i < job.end; i += GROUP) {
       const uint place = places[i], r = pair_rays[place];
-      const Ray world = rays[r], ray = object_ray(instance, &world);
+      const Ray world = rays[r], ray = instance_ray(instance, &world);
       const Hit before = hits[r];
       PatchFound found;
       found.t = min(min(ray.tmax, FLT_MAX), before.t);
@@ -315,7 +299,7 @@ __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __glob
         visited = 1 + traverse_patch(&tree, p, links, &q, &pr, mask, entry, any, &found);
         finish_found(&tree, &found);
       }
-      pair_hits[place] = make_hit(&found, instance, job.patch, &ray);
+      pair_hits[place] = make_hit(&found, instance, job.patch, &world);
       if (pair_steps) pair_steps[place] = visited;
 #ifdef ATOMICS
       if (found.hit > FOUND_BEFORE) atom_min(nearest + r, nearest_key(found.t, place));
@@ -372,13 +356,7 @@ __kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, _
   if (at >= count) return;
   active[at] = first + min(at * stride + stride / 2, count - 1);
   if (!keep_hits) {
-    Hit none;
-    none.t = INFINITY;
-    none.normal[0] = none.normal[1] = none.normal[2] = 0.0f;
-    none.u = none.v = 0.0f;
-    none.leaf = RBVH_NO_LEAF;
-    none.flags = 0;
-    hits[i] = none;
+    hits[i] = no_hit();
     if (steps) steps[i] = 0;
   }
   const PatchProgress start = {-INFINITY, 0u, -INFINITY};

@@ -4,6 +4,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/proxy/patch_point.h"
 
 namespace rbvh {
 namespace {
@@ -29,17 +30,10 @@ Place place_of(const PatchLevel& level, std::uint32_t i, std::uint32_t j) {
 }
 
 Vec3f vertex_at(const Proxy& proxy, std::size_t patch, std::uint32_t level, Place place) {
-  const Quad& quad = proxy.quads[patch];
   const PatchTile& tile = proxy.tiles[patch];
-  const auto n = static_cast<float>(1u << level);
-  const float s = static_cast<float>(place.i) / n, t = static_cast<float>(place.j) / n;
   const std::uint32_t shift = tile_level(tile) - level;
-  const std::size_t texel = (tile.y + (std::size_t{place.j} << shift)) * proxy.map_width + tile.x +
-                            (std::size_t{place.i} << shift);
-  const auto corner = [&](std::size_t k) { return proxy.positions[quad[k]]; };
-  const Vec3f base = (corner(0) * (1.0f - s) + corner(1) * s) * (1.0f - t) +
-                     (corner(3) * (1.0f - s) + corner(2) * s) * t;
-  return base + proxy.map[texel];
+  return base_point(proxy, proxy.quads[patch], (1u << level) + 1, place.i, place.j) +
+         proxy.map[texel_index(proxy, tile, place.i << shift, place.j << shift)];
 }
 
 }  // namespace

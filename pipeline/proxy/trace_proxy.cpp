@@ -449,28 +449,6 @@ void trace(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>
 
 }  // namespace
 
-void check_proxy(const Proxy& proxy, const std::string& file) {
-  const auto refuse = [&](const std::string& what) { throw Error(ExitCode::kInput, file, what); };
-  if (proxy.tiles.size() != proxy.quads.size()) refuse("a tile is wanted for each quad");
-  if (std::size_t{proxy.map_width} * proxy.map_height != proxy.map.size()) refuse("the map is cut");
-  for (std::size_t i = 0; i < proxy.positions.size(); ++i)
-    if (!is_finite(proxy.positions[i])) refuse("vertex " + std::to_string(i) + " is not finite");
-  for (std::size_t i = 0; i < proxy.quads.size(); ++i) {
-    const std::string which = "quad " + std::to_string(i);
-    for (const std::uint32_t vertex : proxy.quads[i])
-      if (vertex >= proxy.positions.size()) refuse(which + " has a vertex that is not there");
-    const PatchTile& tile = proxy.tiles[i];
-    const std::uint32_t pieces = tile.side - 1;
-    if (tile.side < 2 || (pieces & (pieces - 1)) != 0) refuse(which + ": a tile's side is 2^level + 1 texels");
-    if (tile_level(tile) > PATCH_MOST_LEVEL)
-      refuse(which + ": a tile has at most " + std::to_string((1u << PATCH_MOST_LEVEL) + 1) + " texels a side");
-    if (std::uint64_t{tile.x} + tile.side > proxy.map_width || std::uint64_t{tile.y} + tile.side > proxy.map_height)
-      refuse(which + ": its tile lies outside of the map");
-  }
-  for (std::size_t i = 0; i < proxy.map.size(); ++i)
-    if (!is_finite(proxy.map[i])) refuse("texel " + std::to_string(i) + " of the map is not finite");
-}
-
 ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const> proxies,
                               std::span<const ProxyInstance> instances, const ProxyConfig& config) {
   ProxyTracer tracer{device, std::make_shared<ProxyTracerState>()};
@@ -638,7 +616,7 @@ void trace_camera(const ProxyTracer& tracer, const CameraRays& camera, const Buf
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
   const Buffer<Ray> rays(tracer.device, pixels);
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
-  tracer.device.kernel("write_rays", "write_camera_rays").run(squares * 64, kRayGroup, camera, rays);
+  tracer.device.kernel("trace_scene", "write_camera_rays").run(squares * 64, kRayGroup, camera, rays);
   trace_rays(tracer, rays, hits, pixels, RayQuery::kNearest, steps);
 }
 

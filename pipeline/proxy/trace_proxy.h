@@ -64,15 +64,11 @@ struct ProxyTracer {
   std::shared_ptr<ProxyTracerState> state;
 };
 
-/// Throws Error(kInput) for a proxy that check_proxy() refuses, Error(kBudget) where the device cannot hold it. At
-/// first every patch is at its finest.
+/// Of proxies without a find_fault(). Throws Error(kBudget) where the device cannot hold them. At first every patch
+/// is at its finest.
 ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const> proxies,
                               std::span<const ProxyInstance> instances, const ProxyConfig& config = {});
 ProxyTracer make_proxy_tracer(const Device& device, const Proxy& proxy, const ProxyConfig& config = {});
-
-/// Throws Error(kInput, file) where sizes do not fit together, indices are out of range, tiles are not 2^level + 1
-/// texels or deeper than PATCH_MOST_LEVEL, or a place is not finite.
-void check_proxy(const Proxy& proxy, const std::string& file);
 
 /// From now on micro-quads are about `pixels` pixels of that camera, or the tiles' own where those are coarser. Rays
 /// of that camera that resolve less than the patch's nearest do with less.
