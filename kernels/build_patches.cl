@@ -5,12 +5,7 @@
 // GROUP work-items share a patch; groups take patches from a queue until none is left. WIDE: a group is one work-item
 // that builds 16 nodes at once (a CPU).
 #include "patch_surface.h"
-
-#if GROUP > 1
-#define GROUP_BARRIER barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE)
-#else
-#define GROUP_BARRIER
-#endif
+#include "work_queue.h"
 
 // --- bounds: one patch a work-item
 
@@ -300,20 +295,6 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
 __kernel void build_patches(__global const Patch* patches, __global const float* map,
                             __global const PatchBuild* builds, uint count, __global uint* queue,
                             __global PatchBlock* cache) {
-#if GROUP > 1
-  __local uint taken;
-#endif
-  while (true) {
-#if GROUP > 1
-    if (get_local_id(0) == 0) taken = atomic_inc(queue);
-    GROUP_BARRIER;
-    const uint at = taken;
-    GROUP_BARRIER;
-#else
-    const uint at = atomic_inc(queue);
-#endif
-    if (at >= count) return;
-    const PatchBuild build = builds[at];
-    build_patch(patches + build.patch, map, build, cache + build.at);
-  }
+  TAKE_FROM_QUEUE(queue, count,
+                  build_patch(patches + builds[at].patch, map, builds[at], cache + builds[at].at));
 }

@@ -92,20 +92,23 @@ static inline bool meet_micro_quad(const PatchTree* tree, uint m, const Query* q
   const float4 x = (corners[q->kx] - q->origin[q->kx]) - q->sx * z;
   const float4 y = (corners[q->ky] - q->origin[q->ky]) - q->sy * z;
   // Twice the signed areas between the ray and the edges ab, bc, cd, da; and the diagonal ac.
-  float4 edge = x * y.yzwx - y * x.yzwx;
-  float ac = x.s0 * y.s2 - y.s0 * x.s2;
-#ifdef cl_khr_fp64
-  if (any(edge == 0.0f) || ac == 0.0f) {
-    const double4 dx = convert_double4(x), dy = convert_double4(y);
-    edge = convert_float4(dx * dy.yzwx - dy * dx.yzwx);
-    ac = (float)(dx.s0 * dy.s2 - dy.s0 * dx.s2);
-  }
-#endif
+  const float4 edge = x * y.yzwx - y * x.yzwx;
+  const float ac = x.s0 * y.s2 - y.s0 * x.s2;
   const float4 tz = q->sz * z;
   bool taken = false;
   for (uint triangle = 0; triangle < 2; ++triangle) {
     // Opposite a, b, c; or a, c, d.
-    const float u = triangle ? -edge.z : -edge.y, v = triangle ? -edge.w : ac, w = triangle ? -ac : -edge.x;
+    float u = triangle ? -edge.z : -edge.y, v = triangle ? -edge.w : ac, w = triangle ? -ac : -edge.x;
+#ifdef cl_khr_fp64
+    if (u == 0.0f || v == 0.0f || w == 0.0f) {
+      const double4 dx = convert_double4(x), dy = convert_double4(y);
+      const double4 exact = dx * dy.yzwx - dy * dx.yzwx;
+      const double exact_ac = dx.s0 * dy.s2 - dy.s0 * dx.s2;
+      u = (float)(triangle ? -exact.z : -exact.y);
+      v = (float)(triangle ? -exact.w : exact_ac);
+      w = (float)(triangle ? -exact_ac : -exact.x);
+    }
+#endif
     if ((u < 0.0f || v < 0.0f || w < 0.0f) && (u > 0.0f || v > 0.0f || w > 0.0f)) continue;
     const float area = u + v + w;
     if (area == 0.0f) continue;

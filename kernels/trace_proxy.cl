@@ -11,6 +11,7 @@
 // MOST: pairs a ray and round; ATOMICS: nearest hits by 64-bit atomic minimum, else in order.
 #include "object_ray.h"
 #include "patch_query.h"
+#include "work_queue.h"
 
 #ifdef ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
@@ -249,6 +250,63 @@ static inline float key_t(ulong key) {
 #define NEAREST __global uint*
 #endif
 
+// What a job reads and writes: see cast_patches.
+typedef struct Jobs {
+  __global const PatchJob* jobs;
+  __global const PatchInstance* instances;
+  __global const Patch* patches;
+  __global const PatchParts* parts;
+  __global const PatchBlock* cache;
+  __global const uint* links;
+  __global const uint* places;
+  __global const uint* pair_rays;
+  __global const Ray* rays;
+  __global const Hit* hits;
+  __global Hit* pair_hits;
+  __global uint* pair_steps;
+  NEAREST nearest;
+  RayDetail detail;
+  uint any;
+} Jobs;
+
+static inline void cast_job(const Jobs* j, uint at) {
+  const PatchJob job = j->jobs[at];
+  __global const PatchInstance* instance = j->instances + job.instance;
+  __global const Patch* p = j->patches + job.patch;
+  __global const PatchBlock* blocks = j->cache + job.slot.at;
+  PatchTree tree = {blocks, slot_vertices(blocks, job.slot.level), job.slot.level, job.slot.level};
+  for (uint i = job.begin + (uint)get_local_id(0); i < job.end; i += GROUP) {
+    const uint place = j->places[i], r = j->pair_rays[place];
+    const Ray world = j->rays[r], ray = instance_ray(instance, &world);
+    const Hit before = j->hits[r];
+    PatchFound found;
+    found.t = min(min(ray.tmax, FLT_MAX), before.t);
+    found.hit = before.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
+#ifdef ATOMICS
+    const ulong best = j->nearest[r];
+    if (best != ULONG_MAX) {
+      found.t = min(found.t, nextafter(key_t(best), INFINITY));
+      found.hit = FOUND_BEFORE;
+    }
+#endif
+    uint visited = 0;
+    Query q;
+    if (prepare_in(instance, &ray, &q) && !(j->any && found.hit == FOUND_BEFORE)) {
+      const PatchRay pr = patch_ray(p, &q);
+      float16 entry;
+      const uint mask = meet_planes16(j->parts[job.patch].planes, &q, &pr, found.t, &entry);
+      tree.wanted = wanted_level(p, j->detail, nearest_entry(mask, entry), ray_speed(&ray), job.slot.level);
+      visited = 1 + traverse_patch(&tree, p, j->links, &q, &pr, mask, entry, j->any, &found);
+      finish_found(&tree, &found);
+    }
+    j->pair_hits[place] = make_hit(&found, instance, job.patch, &world);
+    if (j->pair_steps) j->pair_steps[place] = visited;
+#ifdef ATOMICS
+    if (found.hit > FOUND_BEFORE) atom_min(j->nearest + r, nearest_key(found.t, place));
+#endif
+  }
+}
+
 // Jobs' pairs in sorted order: `places` are where cast_top put them. What each found goes to pair_hits.
 __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __global uint* queue,
                            __global const PatchInstance* instances, __global const Patch* patches,
@@ -257,55 +315,11 @@ __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __glob
                            __global const uint* pair_rays, __global const Ray* rays, uint any, RayDetail detail,
                            __global const Hit* hits, __global Hit* pair_hits, __global uint* pair_steps,
                            NEAREST nearest) {
-#if GROUP > 1
-  __local uint taken;
-#endif
-  while (true) {
-#if GROUP > 1
-    if (get_local_id(0) == 0) taken = atomic_inc(queue);
-    barrier(CLK_LOCAL_MEM_FENCE);
-    const uint at = taken;
-    barrier(CLK_LOCAL_MEM_FENCE);
-#else
-    const uint at = atomic_inc(queue);
-#endif
-    if (at >= job_count) return;
-    const PatchJob job = jobs[at];
-    __global const PatchInstance* instance = instances + job.instance;
-    __global const Patch* p = patches + job.patch;
-    __global const PatchBlock* blocks = cache + job.slot.at;
-    PatchTree tree = {blocks, slot_vertices(blocks, job.slot.level), job.slot.level, job.slot.level};
-    for (uint i = job.begin + (uint)get_local_id(0); i < job.end; i += GROUP) {
-      const uint place = places[i], r = pair_rays[place];
-      const Ray world = rays[r], ray = instance_ray(instance, &world);
-      const Hit before = hits[r];
-      PatchFound found;
-      found.t = min(min(ray.tmax, FLT_MAX), before.t);
-      found.hit = before.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
-#ifdef ATOMICS
-      const ulong best = nearest[r];
-      if (best != ULONG_MAX) {
-        found.t = min(found.t, nextafter(key_t(best), INFINITY));
-        found.hit = FOUND_BEFORE;
-      }
-#endif
-      uint visited = 0;
-      Query q;
-      if (prepare_in(instance, &ray, &q) && !(any && found.hit == FOUND_BEFORE)) {
-        const PatchRay pr = patch_ray(p, &q);
-        float16 entry;
-        const uint mask = meet_planes16(parts[job.patch].planes, &q, &pr, found.t, &entry);
-        tree.wanted = wanted_level(p, detail, nearest_entry(mask, entry), ray_speed(&ray), job.slot.level);
-        visited = 1 + traverse_patch(&tree, p, links, &q, &pr, mask, entry, any, &found);
-        finish_found(&tree, &found);
-      }
-      pair_hits[place] = make_hit(&found, instance, job.patch, &world);
-      if (pair_steps) pair_steps[place] = visited;
-#ifdef ATOMICS
-      if (found.hit > FOUND_BEFORE) atom_min(nearest + r, nearest_key(found.t, place));
-#endif
-    }
-  }
+  TAKE_FROM_QUEUE(queue, job_count, {
+    const Jobs j = {jobs, instances, patches, parts, cache, links, places, pair_rays, rays, hits, pair_hits, pair_steps,
+                    nearest, detail, any};
+    cast_job(&j, at);
+  });
 }
 
 __kernel void add_steps(__global const uint* active, uint count, __global const uint2* pair_ranges,

@@ -250,6 +250,7 @@ class Cast {
       scout(static_cast<std::uint32_t>(count_ / kScouts));
     }
     start(keep_hits, 1);
+    if (state_.instances.empty()) return;
     state_.stats.rays += count_;
     std::size_t active = count_;
     for (int round = 0; active > 0; ++round) {
@@ -438,9 +439,10 @@ void trace(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>
   State& state = *tracer.state;
   const Device& device = tracer.device;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
+  if (count == 0) return;
   if (!state.config.keep) clear_cache(tracer);
   grow_scratch(device, state, count);
-  const bool scouts = state.config.at_once && state.expects_misses;
+  const bool scouts = state.config.at_once && state.expects_misses && !state.instances.empty();
   const std::uint64_t pairs_before = state.stats.pairs;
   for (std::size_t first = 0; first < count; first += kBatch)
     Cast(device, state, rays, hits, first, std::min(kBatch, count - first), query, steps).run(keep_hits, scouts);
@@ -592,6 +594,8 @@ void set_detail(const ProxyTracer& tracer, std::uint32_t most) {
   set_levels(state, levels);
   state.ray_detail = {0, 0};
 }
+
+void resolve_everything(const ProxyTracer& tracer) { tracer.state->ray_detail = {0, 0}; }
 
 std::vector<PatchLevel> levels_in_use(const ProxyTracer& tracer, std::uint32_t proxy) {
   const State& state = *tracer.state;

@@ -75,6 +75,8 @@ ProxyTracer make_proxy_tracer(const Device& device, const Proxy& proxy, const Pr
 void set_detail(const ProxyTracer& tracer, const CameraRays& camera, double pixels = 1);
 /// Every patch at its finest, or at `most`.
 void set_detail(const ProxyTracer& tracer, std::uint32_t most = PATCH_MOST_LEVEL);
+/// From now on every ray goes down to the micro-quads, whatever it resolves: for rays that are not the camera's.
+void resolve_everything(const ProxyTracer& tracer);
 /// The levels now in use, of one proxy.
 std::vector<PatchLevel> levels_in_use(const ProxyTracer& tracer, std::uint32_t proxy = 0);
 
