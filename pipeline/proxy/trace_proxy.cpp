@@ -21,7 +21,6 @@ constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
 constexpr std::uint32_t kJobRays = 2048;                // of one patch: more are several jobs
 constexpr std::uint32_t kLeastLevel = 2;                // 16 micro-quads cost as much as one
 constexpr std::size_t kGpuGroup = 64, kRayGroup = 64;
-constexpr std::uint32_t kGpuGroups = 1024;              // that fill any GPU
 constexpr std::uint32_t kCpuGroupsPerUnit = 4;
 constexpr std::uint32_t kScouts = 16;                   // every so many-th ray is one
 
@@ -127,11 +126,10 @@ std::string group_options(const Device& device) {
   return device.info().is_cpu ? std::string("-DGROUP=1 -DWIDE") : "-DGROUP=" + std::to_string(kGpuGroup);
 }
 
-/// Work-items of a kernel whose groups take jobs from a queue.
+/// Work-items of a kernel whose groups take jobs (kernels/work_queue.h).
 std::size_t queue_items(const Device& device, std::size_t jobs) {
-  const std::size_t groups =
-      device.info().is_cpu ? std::size_t{device.info().compute_units} * kCpuGroupsPerUnit : kGpuGroups;
-  return std::min(groups, jobs) * group_size(device);
+  if (!device.info().is_cpu) return jobs * kGpuGroup;
+  return std::min(std::size_t{device.info().compute_units} * kCpuGroupsPerUnit, jobs);
 }
 
 void append_nodes(std::vector<ExactNode>& all, const Bvh& bvh, Wide16Nodes& wide) {
