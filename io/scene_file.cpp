@@ -58,26 +58,21 @@ class Reader {
 
   Json parse(std::string_view text) const {
     std::vector<std::set<std::string>> keys;
-    std::string doubled;
-    bool too_deep = false;
     const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {
-      if (static_cast<std::size_t>(depth) > kMostDepth) too_deep = true;
+      if (static_cast<std::size_t>(depth) > kMostDepth)
+        refuse("", "nests more than " + std::to_string(kMostDepth) + " deep");
       if (event == Json::parse_event_t::object_start) keys.emplace_back();
       if (event == Json::parse_event_t::object_end && !keys.empty()) keys.pop_back();
-      if (event == Json::parse_event_t::key && !keys.empty() && doubled.empty() &&
+      if (event == Json::parse_event_t::key && !keys.empty() &&
           !keys.back().insert(value.get<std::string>()).second)
-        doubled = value.get<std::string>();
-      return !too_deep;
+        refuse("", "has \"" + value.get<std::string>() + "\" twice in one place");
+      return true;
     };
-    Json root;
     try {
-      root = Json::parse(text.begin(), text.end(), watch);
+      return Json::parse(text.begin(), text.end(), watch);
     } catch (const Json::exception& error) {
       refuse("", std::string("is no JSON: ") + error.what());
     }
-    if (too_deep) refuse("", "nests more than " + std::to_string(kMostDepth) + " deep");
-    if (!doubled.empty()) refuse("", "has \"" + doubled + "\" twice in one place");
-    return root;
   }
 
   void check_words(const Json& json, const std::string& where, const std::set<std::string>& known) const {

@@ -1,7 +1,7 @@
 // Objects of several kinds in one scene: rays that meet an instance's box go into its space, a tracer of its kind casts
 // them there, and what is nearer than before is taken over.
+#include "exact_box.h"  // first: it says how floats are to be computed, rays too
 #include "camera_rays.h"
-#include "exact_box.h"
 #include "object_ray.h"
 #include "scene_layout.h"
 
