@@ -84,7 +84,7 @@ typedef struct PatchInstance {
 } PatchInstance;
 RBVH_LAYOUT_SIZE(PatchInstance, 96);
 
-// Rays that reached a patch: pairs [begin, end) in sorted order.
+// Rays that reached a patch: pairs [begin, end) in sorted order. slot.at can be PATCH_NOT_BUILT: they are few.
 typedef struct PatchJob {
   rbvh_u32 begin, end;
   rbvh_u32 instance;

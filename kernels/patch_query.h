@@ -28,10 +28,19 @@ typedef struct PatchFound {
 
 typedef struct PatchTree {
   __global const PatchBlock* blocks;
-  __global const float* vertices;  // x y z, row by row
+  __global const float* vertices;  // x y z, row by row; null where nothing is built
   uint level;
   uint wanted;  // levels that the ray can resolve; at most `level`
+  // Where nothing is built: what vertices are made of.
+  __global const Patch* patch;
+  __global const float* map;
+  uint edges;
 } PatchTree;
+
+static inline PatchTree built_tree(__global const PatchBlock* blocks, uint level) {
+  const PatchTree tree = {blocks, slot_vertices(blocks, level), level, level, 0, 0, 0u};
+  return tree;
+}
 
 // The ray's planes in quanta of the patch's box: t = quanta * scale + near, or far.
 typedef struct PatchRay {
@@ -76,8 +85,18 @@ static inline uint wanted_level(__global const Patch* p, RayDetail detail, float
 
 // A micro-quad's corners a b c d, one row an axis.
 static inline void load_corners(const PatchTree* tree, uint m, float4* corners) {
-  const uint side = (1u << tree->level) + 1;
-  __global const float* at = tree->vertices + 3 * (even_bits(m >> 1) * side + even_bits(m));
+  const uint side = (1u << tree->level) + 1, i = even_bits(m), j = even_bits(m >> 1);
+  if (!tree->vertices) {
+    const float3 a = patch_vertex(tree->patch, tree->map, tree->level, tree->edges, i, j);
+    const float3 b = patch_vertex(tree->patch, tree->map, tree->level, tree->edges, i + 1, j);
+    const float3 c = patch_vertex(tree->patch, tree->map, tree->level, tree->edges, i + 1, j + 1);
+    const float3 d = patch_vertex(tree->patch, tree->map, tree->level, tree->edges, i, j + 1);
+    corners[0] = (float4)(a.x, b.x, c.x, d.x);
+    corners[1] = (float4)(a.y, b.y, c.y, d.y);
+    corners[2] = (float4)(a.z, b.z, c.z, d.z);
+    return;
+  }
+  __global const float* at = tree->vertices + 3 * (j * side + i);
   const float8 ab = vload8(0, at), dc = vload8(0, at + 3 * side);  // two floats more than needed
   corners[0] = (float4)(ab.s03, dc.s30);
   corners[1] = (float4)(ab.s14, dc.s41);
@@ -147,6 +166,64 @@ static inline void finish_found(const PatchTree* tree, PatchFound* found) {
   found->normal[1] = normal.y;
   found->normal[2] = normal.z;
 }
+// Sixteen vertices of row j, from column i on, moved to where the ray is the z axis.
+static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, uint j, float16* x, float16* y) {
+  float place[3][16];
+  for (uint lane = 0; lane < 16; ++lane) {
+    const float3 v = patch_vertex(tree->patch, tree->map, tree->level, tree->edges, min(i + lane, 1u << tree->level), j);
+    place[0][lane] = v.x;
+    place[1][lane] = v.y;
+    place[2][lane] = v.z;
+  }
+  const float16 z = vload16(0, place[q->kz]) - q->origin[q->kz];
+  *x = (vload16(0, place[q->kx]) - q->origin[q->kx]) - q->sx * z;
+  *y = (vload16(0, place[q->ky]) - q->origin[q->ky]) - q->sy * z;
+}
+
+// A ray and a patch that is not built, of level 4 or more: the micro-quads of those parts that the ray meets, row by row,
+// each row's vertices made on the way. Cheaper than building for few rays, and in memory not at all. Returns micro-quads
+// looked at.
+static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, float16 parts_entry, uint any,
+                         PatchFound* found) {
+  const uint part_side = 1u << (tree->level - 2);
+  float t[16];
+  vstore16(parts_entry, 0, t);
+  uint visited = 0;
+  while (parts != 0) {  // nearest first
+    uint part = lowest_bit(parts);
+    for (uint rest = parts & (parts - 1); rest != 0; rest &= rest - 1)
+      if (t[lowest_bit(rest)] < t[part]) part = lowest_bit(rest);
+    parts &= ~(1u << part);
+    if (t[part] > found->t) break;
+    const uint left = even_bits(part) * part_side, top = even_bits(part >> 1) * part_side;
+    for (uint i = left; i < left + part_side; i += 15) {
+      const uint quads = min(15u, left + part_side - i);
+      float16 x0, y0, x1, y1;
+      sheared_row(tree, q, i, top, &x0, &y0);
+      for (uint j = top; j < top + part_side; ++j) {
+        sheared_row(tree, q, i, j + 1, &x1, &y1);
+        // Lane k: the side from vertex k to k + 1, the one up from vertex k, and the diagonal.
+        const uint16 shifted = (uint16)(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15);
+        const float16 bx = shuffle(x0, shifted), by = shuffle(y0, shifted), cx = shuffle(x1, shifted),
+                      cy = shuffle(y1, shifted);
+        const float16 ab = x0 * by - y0 * bx, bc = bx * cy - by * cx, cd = cx * y1 - cy * x1, da = x1 * y0 - y1 * x0,
+                      ac = x0 * cy - y0 * cx;
+        const int16 out_abc = ((ab < 0.0f) | (bc < 0.0f) | (ac > 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ac < 0.0f));
+        const int16 out_acd = ((ac < 0.0f) | (cd < 0.0f) | (da < 0.0f)) & ((ac > 0.0f) | (cd > 0.0f) | (da > 0.0f));
+        uint near = lane_bits16(~(out_abc & out_acd)) & ((1u << quads) - 1);
+        visited += quads;
+        for (; near != 0; near &= near - 1) {
+          const uint column = i + lowest_bit(near);
+          if (meet_micro_quad(tree, morton_of(column, j), q, found) && any) return visited;
+        }
+        x0 = x1;
+        y0 = y1;
+      }
+    }
+  }
+  return visited;
+}
+
 // The box of a node as a hit.
 static inline void take_box(__global const PatchBlock* block, uint lane, float t, PatchFound* found) {
   const uint n = block->normals[lane], uv = block->uvs[lane];

@@ -24,6 +24,15 @@ static inline uint even_bits(uint m) {
   return (m | m >> 8) & 0x0000ffffu;
 }
 
+static inline uint spread_bits(uint i) {
+  i = (i | i << 8) & 0x00ff00ffu;
+  i = (i | i << 4) & 0x0f0f0f0fu;
+  i = (i | i << 2) & 0x33333333u;
+  return (i | i << 1) & 0x55555555u;
+}
+
+static inline uint morton_of(uint i, uint j) { return spread_bits(i) | spread_bits(j) << 1; }
+
 // Where along a border of 2^edge micro-quads the i-th of 2^level + 1 vertices goes: to one of the border's own.
 // Vertices that fall together leave triangles without area, never a gap.
 static inline uint snapped(uint i, uint level, uint edge) {

@@ -1,8 +1,8 @@
 // Ray casting proxies untessellated (Harada, "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU
 // Pro 6, sections 1.4 and 1.5). Rays meet instances, then patches' boxes (cast_top). A patch whose hierarchy is there
 // is met at once; for the others ray and patch become a pair, pairs are sorted by patch, hierarchies built
-// (build_patches.cl), and groups take patch after patch from a queue and meet all its rays (cast_patches). What was
-// found is then the rays' (take_hits).
+// (build_patches.cl), and groups take patch after patch from a queue and meet all its rays (cast_patches); a patch that
+// few rays have come to is met without being built. What was found is then the rays' (take_hits).
 //
 // A round takes only the nearest few patches of each ray: most rays need no more, and what lies behind their hits is
 // never built.
@@ -106,8 +106,8 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
   const PatchSlot slot = scene->slots[patch];
   if (s->at_once && slot.at != PATCH_NOT_BUILT) {
     __global const PatchBlock* blocks = scene->cache + slot.at;
-    const PatchTree tree = {blocks, slot_vertices(blocks, slot.level), slot.level,
-                            wanted_level(p, s->detail, t, ray_speed(ray), slot.level)};
+    PatchTree tree = built_tree(blocks, slot.level);
+    tree.wanted = wanted_level(p, s->detail, t, ray_speed(ray), slot.level);
     PatchFound found;
     found.t = s->limit;
     found.hit = s->hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
@@ -256,6 +256,7 @@ typedef struct Jobs {
   __global const PatchInstance* instances;
   __global const Patch* patches;
   __global const PatchParts* parts;
+  __global const float* map;
   __global const PatchBlock* cache;
   __global const uint* links;
   __global const uint* places;
@@ -273,8 +274,15 @@ static inline void cast_job(const Jobs* j, uint at) {
   const PatchJob job = j->jobs[at];
   __global const PatchInstance* instance = j->instances + job.instance;
   __global const Patch* p = j->patches + job.patch;
-  __global const PatchBlock* blocks = j->cache + job.slot.at;
-  PatchTree tree = {blocks, slot_vertices(blocks, job.slot.level), job.slot.level, job.slot.level};
+  __global const PatchBlock* blocks = j->cache + (job.slot.at != PATCH_NOT_BUILT ? job.slot.at : 0);
+  PatchTree tree = built_tree(blocks, job.slot.level);
+  const bool built = job.slot.at != PATCH_NOT_BUILT;
+  if (!built) {
+    tree.vertices = 0;
+    tree.patch = p;
+    tree.map = j->map;
+    tree.edges = job.edges;
+  }
   for (uint i = job.begin + (uint)get_local_id(0); i < job.end; i += GROUP) {
     const uint place = j->places[i], r = j->pair_rays[place];
     const Ray world = j->rays[r], ray = instance_ray(instance, &world);
@@ -296,7 +304,8 @@ static inline void cast_job(const Jobs* j, uint at) {
       float16 entry;
       const uint mask = meet_planes16(j->parts[job.patch].planes, &q, &pr, found.t, &entry);
       tree.wanted = wanted_level(p, j->detail, nearest_entry(mask, entry), ray_speed(&ray), job.slot.level);
-      visited = 1 + traverse_patch(&tree, p, j->links, &q, &pr, mask, entry, j->any, &found);
+      visited = 1 + (built ? traverse_patch(&tree, p, j->links, &q, &pr, mask, entry, j->any, &found)
+                           : meet_unbuilt(&tree, &q, mask, entry, j->any, &found));
       finish_found(&tree, &found);
     }
     j->pair_hits[place] = make_hit(&found, instance, job.patch, &world);
@@ -310,13 +319,13 @@ static inline void cast_job(const Jobs* j, uint at) {
 // Jobs' pairs in sorted order: `places` are where cast_top put them. What each found goes to pair_hits.
 __kernel void cast_patches(__global const PatchJob* jobs, uint job_count, __global uint* queue,
                            __global const PatchInstance* instances, __global const Patch* patches,
-                           __global const PatchParts* parts, __global const PatchBlock* cache,
-                           __global const uint* links, __global const uint* places,
+                           __global const PatchParts* parts, __global const float* map,
+                           __global const PatchBlock* cache, __global const uint* links, __global const uint* places,
                            __global const uint* pair_rays, __global const Ray* rays, uint any, RayDetail detail,
                            __global const Hit* hits, __global Hit* pair_hits, __global uint* pair_steps,
                            NEAREST nearest) {
   TAKE_FROM_QUEUE(queue, job_count, {
-    const Jobs j = {jobs, instances, patches, parts, cache, links, places, pair_rays, rays, hits, pair_hits, pair_steps,
+    const Jobs j = {jobs, instances, patches, parts, map, cache, links, places, pair_rays, rays, hits, pair_hits, pair_steps,
                     nearest, detail, any};
     cast_job(&j, at);
   });

@@ -20,6 +20,7 @@ constexpr std::size_t kBatch = std::size_t{1} << 20;    // rays whose pairs are 
 constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
 constexpr std::uint32_t kJobRays = 2048;                // of one patch: more are several jobs
 constexpr std::uint32_t kLeastLevel = 2;                // 16 micro-quads cost as much as one
+constexpr std::uint32_t kLeastUnbuiltLevel = 4;         // coarser ones are built as fast as met
 constexpr std::size_t kGpuGroup = 64, kRayGroup = 64;
 constexpr std::uint32_t kCpuGroupsPerUnit = 4;
 constexpr std::uint32_t kScouts = 16;                   // every so many-th ray is one
@@ -104,6 +105,7 @@ struct ProxyTracerState {
   Buffer<PatchBlock> cache_memory;
   std::vector<PatchSlot> slots;  ///< at: PATCH_NOT_BUILT, too, where another level is built than is wanted
   Buffer<PatchSlot> device_slots;
+  std::vector<std::uint32_t> unbuilt_rays;  ///< that came to each patch while it was not built
   bool slots_changed = true;
   bool expects_misses = true;  ///< so many that scouts pay
 
@@ -347,22 +349,39 @@ class Cast {
       for (std::uint32_t pair = first; pair < end; ++pair) {
         if (offsets[pair] == offsets[pair + 1]) continue;
         const std::uint32_t patch = placed.first_patch + (pair - first);
-        if (!provide(patch)) {
+        const std::uint32_t rays = offsets[pair + 1] - offsets[pair];
+        bool built = !does_without(patch, rays);
+        if (built && !provide(patch)) {
           flush(watch);
-          if (!provide(patch))
+          built = provide(patch);
+          if (!built && !can_do_without(patch))
             throw Error(ExitCode::kBudget, {},
                         "a patch of " + std::to_string(1u << state_.wanted[patch].level) +
                             " micro-quads a side needs " +
                             std::to_string(std::size_t{slot_blocks(state_.wanted[patch].level)} * sizeof(PatchBlock)) +
                             " bytes, more than the patch cache has; make that larger");
         }
+        if (!built) state_.stats.unbuilt_rays += rays;
+        const PatchSlot slot = built ? state_.slots[patch] : PatchSlot{PATCH_NOT_BUILT, state_.wanted[patch].level};
         for (std::uint32_t begin = offsets[pair]; begin < offsets[pair + 1]; begin += kJobRays)
-          jobs_.push_back({begin, std::min(begin + kJobRays, offsets[pair + 1]), instance, patch,
-                           state_.slots[patch], packed(state_.wanted[patch].edges), 0});
+          jobs_.push_back({begin, std::min(begin + kJobRays, offsets[pair + 1]), instance, patch, slot,
+                           packed(state_.wanted[patch].edges), 0});
       }
       first = end;
     }
     flush(watch);
+  }
+
+  bool can_do_without(std::uint32_t patch) const {
+    return state_.wanted[patch].level >= kLeastUnbuiltLevel && state_.patches[patch].loose == 0;
+  }
+
+  /// Whether so few rays have come to the patch, so far, that building it does not pay.
+  bool does_without(std::uint32_t patch, std::uint32_t rays) {
+    if (state_.slots[patch].at != PATCH_NOT_BUILT || !can_do_without(patch) || rays > state_.config.few_rays)
+      return false;
+    state_.unbuilt_rays[patch] += rays;
+    return state_.unbuilt_rays[patch] <= state_.config.few_rays;
   }
 
   /// False where what is needed already leaves no room.
@@ -384,6 +403,7 @@ class Cast {
       if (at == PatchCache::kNone) return false;
       slot = {at, level.level};
       state_.built[patch] = level;
+      state_.unbuilt_rays[patch] = 0;
       builds_.push_back({patch, at, level.level, packed(level.edges)});
       ++state_.stats.built;
       state_.stats.built_leaves += std::uint64_t{1} << 2 * level.level;
@@ -409,7 +429,7 @@ class Cast {
       device_.kernel("trace_proxy", "cast_patches", state_.options)
           .run(queue_items(device_, jobs_.size()), group_size(device_), jobs,
                static_cast<std::uint32_t>(jobs_.size()), queue_, state_.device_instances, state_.device_patches,
-               state_.device_parts, state_.cache_memory, state_.links, state_.pair_places, state_.pair_rays, rays_, any_,
+               state_.device_parts, state_.map, state_.cache_memory, state_.links, state_.pair_places, state_.pair_rays, rays_, any_,
                state_.ray_detail, hits_, state_.pair_hits, pair_steps_, state_.nearest);
       state_.stats.jobs += jobs_.size();
       state_.stats.cast += watch.lap();
@@ -533,6 +553,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.links = {device, make_links()};
   state.wanted.resize(count);
   state.built.resize(count);
+  state.unbuilt_rays.assign(count, 0);
   state.slots.assign(count, {PATCH_NOT_BUILT, 0});
   state.device_slots = {device, count};
   state.cache =
@@ -640,6 +661,7 @@ void clear_cache(const ProxyTracer& tracer) {
   State& state = *tracer.state;
   state.cache.clear();
   for (PatchSlot& slot : state.slots) slot.at = PATCH_NOT_BUILT;
+  std::fill(state.unbuilt_rays.begin(), state.unbuilt_rays.end(), 0);
   state.slots_changed = state.expects_misses = true;
 }
 

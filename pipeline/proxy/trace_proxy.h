@@ -28,6 +28,7 @@ struct ProxyConfig {
   bool keep = true;     ///< hierarchies stay for later casts; false, as in the source: each cast builds its own
   bool at_once = true;  ///< a ray meets a patch that is built as soon as it comes to it; false: always gathered
   bool atomics = true;  ///< nearest hits by 64-bit atomic minimum, where the device has it
+  std::uint32_t few_rays = 4;  ///< so many rays meet a patch before it is built for them; 0: all are built
   std::uint32_t pairs = 8;  ///< patches that a ray has built for it in a round, one in the first; at most kMostPairs
 };
 inline constexpr std::uint32_t kMostPairs = 16;
@@ -46,6 +47,7 @@ struct ProxyStats {
   double top = 0, sort = 0, build = 0, cast = 0;
   std::uint64_t rays = 0, rounds = 0, pairs = 0, jobs = 0;
   std::uint64_t built = 0, built_leaves = 0, built_bytes = 0, evicted = 0;
+  std::uint64_t unbuilt_rays = 0;  ///< pairs with patches that were not built for them
 };
 
 struct ProxyBytes {
@@ -81,8 +83,8 @@ void resolve_everything(const ProxyTracer& tracer);
 std::vector<PatchLevel> levels_in_use(const ProxyTracer& tracer, std::uint32_t proxy = 0);
 
 /// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]. Hit.u and v are s and t in the patch;
-/// leaf is the patch. `steps`, where given, gets nodes and micro-quads visited per ray. Throws Error(kBudget) where the
-/// cache cannot hold one patch's hierarchy.
+/// leaf is the patch. `steps`, where given, gets nodes and micro-quads visited per ray. A patch that the cache cannot
+/// hold is met unbuilt, which takes long; Error(kBudget) where the cache is too small even for the smallest.
 void trace_rays(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
                 RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
 /// The same, starting from hits of other objects and their steps.

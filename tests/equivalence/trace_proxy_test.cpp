@@ -198,7 +198,7 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   const ProxyTracer usual = make_proxy_tracer(device, proxy);
   const Twin twin = make_twin(device, proxy, levels_in_use(usual));
   const std::vector<Ray> rays = random_rays(random, twin.mesh, 3000);
-  ProxyConfig gathered, in_order, one_pair, many_pairs, small_cache, nothing_kept;
+  ProxyConfig gathered, in_order, one_pair, many_pairs, small_cache, nothing_kept, unbuilt;
   gathered.at_once = false;
   in_order.at_once = in_order.atomics = false;
   one_pair.pairs = 1;
@@ -206,6 +206,8 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   many_pairs.pairs = kMostPairs;
   small_cache.cache_bytes = 40000;  // three patches
   nothing_kept.keep = false;
+  unbuilt.few_rays = 1000000;
+  unbuilt.keep = unbuilt.at_once = false;
   const auto check = [&](const Device& on, const ProxyConfig& config, const char* name) {
     SCOPED_TRACE(name);
     const ProxyTracer tracer = make_proxy_tracer(on, proxy, config);
@@ -224,6 +226,8 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   check(device, many_pairs, "many pairs a round");
   check(device, small_cache, "small cache");
   check(device, nothing_kept, "nothing kept");
+  check(device, unbuilt, "nothing built");
+  check(device.as_gpu(), unbuilt, "a GPU's code, nothing built");
   check(device.as_gpu(), in_order, "a GPU's code, in order");
   check(device.as_gpu(), gathered, "a GPU's code, gathered");
   check(device.as_gpu(), {}, "a GPU's code");
@@ -327,10 +331,16 @@ TEST_F(TraceProxy, InstancesAreTheMovedMesh) {
   }
 }
 
-TEST_F(TraceProxy, ACacheThatHoldsNoPatchIsRefused) {
-  const Proxy proxy = mushroom_ball(1, {5});
+TEST_F(TraceProxy, ACacheThatHoldsNoPatchIsRefusedOrDoneWithout) {
   ProxyConfig config;
-  config.cache_bytes = 10000;
+  config.cache_bytes = 1000;
+  const Proxy large = mushroom_ball(1, {5});
+  const ProxyTracer slow = make_proxy_tracer(device, large, config);
+  const Twin twin = make_twin(device, large, levels_in_use(slow));
+  const std::vector<Ray> rays = random_rays(random, twin.mesh, 300);
+  expect_same(twin, rays, cast(slow, rays));
+  EXPECT_EQ(stats(slow).built, 0u);
+  const Proxy proxy = mushroom_ball(1, {3});
   const ProxyTracer tracer = make_proxy_tracer(device, proxy, config);
   try {
     cast(tracer, {make_ray({0, 0, 3}, {0, 0, -1})});
@@ -339,6 +349,20 @@ TEST_F(TraceProxy, ACacheThatHoldsNoPatchIsRefused) {
     EXPECT_EQ(error.code(), ExitCode::kBudget);
     EXPECT_NE(std::string(error.what()).find("patch cache"), std::string::npos) << error.what();
   }
+}
+
+TEST_F(TraceProxy, FewRaysMeetPatchesUnbuilt) {
+  const Proxy proxy = mushroom_ball(3, {5});
+  const ProxyTracer tracer = make_proxy_tracer(device, proxy);
+  const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
+  const std::vector<Ray> rays = random_rays(random, twin.mesh, 40);
+  for (int i = 0; i < 5; ++i) {  // again and again: then it is built after all
+    expect_same(twin, rays, cast(tracer, rays), 0.1);
+    if (i == 0) {
+      EXPECT_GT(stats(tracer).unbuilt_rays, 10u);
+    }
+  }
+  EXPECT_GT(stats(tracer).built, 0u);
 }
 
 TEST_F(TraceProxy, TheCacheServesLaterCasts) {
