@@ -7,13 +7,13 @@
 #include <optional>
 
 #include "cli/common.h"
+#include "cli/measure.h"
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
 #include "io/proxy_file.h"
 #include "io/scan_io.h"
 #include "pipeline/proxy/bake.h"
-#include "pipeline/proxy/proxy_surface.h"
 #include "pipeline/scan/ingest.h"
 
 namespace rbvh {
@@ -23,7 +23,6 @@ namespace fs = std::filesystem;
 
 // What a bake has in memory at its peak, beside the file, as measured.
 constexpr std::uint64_t kBytesPerTriangle = 420;
-constexpr std::size_t kDistanceSamples = 200'000;
 
 struct ProxyOptions {
   std::string file;
@@ -77,19 +76,6 @@ Input read_mesh(Context& context, const ProxyOptions& options) {
   return input;
 }
 
-// In percent of the diagonal, both ways.
-nlohmann::ordered_json measure(const Scan& scan, const Proxy& proxy) {
-  const TriangleSoup from = surface_of(scan), to = surface_of(proxy);
-  const double percent = 100.0 / bounds(scan).diagonal();
-  const auto json = [&](const DistanceStatistics& d) -> nlohmann::ordered_json {
-    return {{"rms_percent", d.rms * percent}, {"max_percent", d.max * percent}};
-  };
-  nlohmann::ordered_json result;
-  result["proxy_to_scan"] = json(sampled_distance(to, ClosestPoint(from), kDistanceSamples));
-  result["scan_to_proxy"] = json(sampled_distance(from, ClosestPoint(to), kDistanceSamples));
-  return result;
-}
-
 nlohmann::ordered_json counts_json(const BakeReport& counts) {
   return {{"triangles_in", counts.triangles_in},
           {"flat_triangles", counts.mesh.flat_triangles},
@@ -128,12 +114,14 @@ void run_bake(Context& context, const ProxyOptions& options) {
   const double bake_seconds = watch.lap();
   const ProxyHeader header = save_proxy(context.output, proxy, input.source, context.force);
   const double write_seconds = watch.lap();
-  const nlohmann::ordered_json distance = measure(input.scan, proxy);
+  const nlohmann::ordered_json distance = proxy_measure_json(measure_proxy(proxy, input.scan));
   const double measure_seconds = watch.lap();
 
   auto& report = context.report;
-  report["timings"] = {
-      {"load", load_seconds}, {"bake", bake_seconds}, {"write", write_seconds}, {"measure", measure_seconds}};
+  report["timings"] = {{"load", load_seconds},        {"bake", bake_seconds},
+                       {"join", counts.join_seconds}, {"decimate", counts.decimate_seconds},
+                       {"pair", counts.pair_seconds}, {"sample", counts.sample_seconds},
+                       {"write", write_seconds},      {"measure", measure_seconds}};
   report["counts"] = counts_json(counts);
   report["distortion"] = {{"stretch_median", counts.stretch_median},
                           {"stretch_p95", counts.stretch_p95},
@@ -147,9 +135,9 @@ void run_bake(Context& context, const ProxyOptions& options) {
     note(context, fmt::format("left out: {} small components ({} triangles)", mesh.small_components,
                               mesh.small_triangles));
   if (mesh.cut_edges > 0)
-    note(context,
-         fmt::format("cut: {} edges where more than two triangles meet or neighbours turn opposite ways",
-                     mesh.cut_edges));
+    note(context, fmt::format("{} edges are no surface's: more than two triangles meet there, or two that "
+                              "turn opposite ways; cut",
+                              mesh.cut_edges));
   note(context,
        fmt::format(
            "rbvh proxy: wrote {} ({} patches, {} texels, {}; RMS distance {:.2g}% to the scan, {:.2g}% "
