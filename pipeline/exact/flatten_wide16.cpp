@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -39,6 +40,19 @@ Cut widen(const Bvh& bvh, std::uint32_t root) {
   return cut;
 }
 
+/// A wide node with the boxes of its children; they are still to be linked.
+void put_boxes(const Bvh& bvh, const Cut& cut, ExactNode& node) {
+  std::fill_n(&node.planes[0][0], 6 * EXACT_NODE_WIDTH, kFar);
+  std::fill_n(node.children, EXACT_NODE_WIDTH, EXACT_LEAF_BIT);
+  for (std::uint32_t slot = 0; slot < cut.count; ++slot) {
+    const Bounds3f& b = bvh.nodes[cut.nodes[slot]].bounds;
+    for (int axis = 0; axis < 3; ++axis) {
+      node.planes[axis][slot] = b.lo[axis];
+      node.planes[axis + 3][slot] = b.hi[axis];
+    }
+  }
+}
+
 ExactBlock empty_block() {
   ExactBlock block;
   std::fill_n(&block.rows[0][0], 9 * EXACT_BLOCK_WIDTH, std::numeric_limits<float>::quiet_NaN());
@@ -72,51 +86,46 @@ void fill_block(const Bvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBloc
 Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
   Wide16Layout layout;
   layout.scene.root = EXACT_LEAF_BIT;  // the empty block
-  std::vector<std::uint32_t> leaves;   // binary leaf of block i + 1
-  const auto child_of = [&](std::uint32_t binary, auto&& inner) {
-    if (bvh.nodes[binary].count == 0) return inner();
-    leaves.push_back(binary);
-    return EXACT_LEAF_BIT | static_cast<std::uint32_t>(leaves.size());
-  };
-
+  layout.nodes.resize(1);
+  std::vector<std::uint32_t> leaves;  // binary leaf of block i + 1
   struct Open {
-    std::uint32_t binary, wide, stack;  ///< stack: entries in use when it is visited
+    std::uint32_t binary, stack;  ///< stack: entries in use when it is visited
   };
-  std::vector<Open> open;
+  std::vector<Open> open;  // breadth first: the wide nodes of one depth, from number `first` on
+  const auto link_to = [&](std::uint32_t binary, std::uint32_t stack, std::size_t first) {
+    if (bvh.nodes[binary].count > 0) {
+      leaves.push_back(binary);
+      return EXACT_LEAF_BIT | static_cast<std::uint32_t>(leaves.size());
+    }
+    open.push_back({binary, stack});
+    return static_cast<std::uint32_t>(first + open.size() - 1);
+  };
   if (!bvh.nodes.empty()) {
     const Bounds3f& b = bvh.nodes[0].bounds;
     for (int axis = 0; axis < 3; ++axis) {
       layout.scene.lo[axis] = b.lo[axis];
       layout.scene.hi[axis] = b.hi[axis];
     }
-    layout.scene.root = child_of(0, [&] {
-      open.push_back({0, 0, 0});
-      return 0u;
-    });
+    layout.scene.root = link_to(0, 0, 0);
   }
-  layout.nodes.resize(1);
-  for (std::size_t at = 0; at < open.size(); ++at) {  // breadth first
-    const Open item = open[at];
-    const Cut cut = widen(bvh, item.binary);
-    const std::uint32_t stack = item.stack + cut.count - 1;
-    layout.stack = std::max(layout.stack, stack);
-    ExactNode node;
-    std::fill_n(&node.planes[0][0], 6 * EXACT_NODE_WIDTH, kFar);
-    std::fill_n(node.children, EXACT_NODE_WIDTH, EXACT_LEAF_BIT);
-    for (std::uint32_t slot = 0; slot < cut.count; ++slot) {
-      const Bounds3f& b = bvh.nodes[cut.nodes[slot]].bounds;
-      for (int axis = 0; axis < 3; ++axis) {
-        node.planes[axis][slot] = b.lo[axis];
-        node.planes[axis + 3][slot] = b.hi[axis];
+  for (std::size_t first = 0; !open.empty();) {
+    const std::vector<Open> items = std::exchange(open, {});
+    const std::size_t next = first + items.size();
+    std::vector<Cut> cuts(items.size());
+    layout.nodes.resize(next);
+    parallel_for(items.size(), kGrain / EXACT_NODE_WIDTH, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        cuts[i] = widen(bvh, items[i].binary);
+        put_boxes(bvh, cuts[i], layout.nodes[first + i]);
       }
-      node.children[slot] = child_of(cut.nodes[slot], [&] {
-        const auto wide = static_cast<std::uint32_t>(open.size());
-        open.push_back({cut.nodes[slot], wide, stack});
-        return wide;
-      });
+    });
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      const std::uint32_t stack = items[i].stack + cuts[i].count - 1;
+      layout.stack = std::max(layout.stack, stack);
+      for (std::uint32_t slot = 0; slot < cuts[i].count; ++slot)
+        layout.nodes[first + i].children[slot] = link_to(cuts[i].nodes[slot], stack, next);
     }
-    if (layout.nodes.size() < open.size()) layout.nodes.resize(open.size());
-    layout.nodes[item.wide] = node;
+    first = next;
   }
 
   layout.blocks.assign(leaves.size() + 1, empty_block());

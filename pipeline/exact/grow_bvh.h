@@ -21,30 +21,33 @@ struct ElementRange {
   Box centers;  ///< of twice the centres, where the builder asks for them
   int depth = 0;
   std::size_t size() const { return end - begin; }
+  Bounds3f node_bounds() const { return bounds.bounds(); }
 };
 
-using Halves = std::optional<std::array<ElementRange, 2>>;  ///< nothing: a leaf
+template <class Range>
+using HalvesOf = std::optional<std::array<Range, 2>>;  ///< nothing: a leaf
+using Halves = HalvesOf<ElementRange>;
 
 /// `split(range, parallel)` puts a range's elements in two parts, one behind the other, or makes it a leaf.
-/// It may use threads of its own where `parallel` is true.
-template <class Split>
-std::vector<BvhNode> grow_bvh(const ElementRange& whole, const Split& split) {
+/// It may use threads of its own where `parallel` is true. A range has begin, size() and node_bounds().
+template <class Range, class Split>
+std::vector<BvhNode> grow_bvh(const Range& whole, const Split& split) {
   struct Later {
-    ElementRange range;
+    Range range;
     std::size_t node;
   };
   // Writes the subtree over `range` into `nodes`, its root at nodes[root]. Sets of at most `stop` elements
   // are put off: appended to `later` together with the node that waits for them.
-  const auto grow = [&split](const ElementRange& range, std::size_t root, std::vector<BvhNode>& nodes,
+  const auto grow = [&split](const Range& range, std::size_t root, std::vector<BvhNode>& nodes,
                              std::size_t stop, std::vector<Later>* later) {
     std::vector<Later> stack = {{range, root}};
     while (!stack.empty()) {
       const Later item = stack.back();
       stack.pop_back();
-      nodes[item.node].bounds = item.range.bounds.bounds();
+      nodes[item.node].bounds = item.range.node_bounds();
       if (later != nullptr && item.range.size() <= stop) {
         later->push_back(item);
-      } else if (const Halves halves = split(item.range, later != nullptr)) {
+      } else if (const HalvesOf<Range> halves = split(item.range, later != nullptr)) {
         const std::size_t children = nodes.size();
         nodes[item.node].first = static_cast<std::uint32_t>(children);
         nodes.resize(children + 2);

@@ -1,6 +1,7 @@
 #include "pipeline/exact/linked_bvh.h"
 
 #include "pipeline/base/error.h"
+#include "pipeline/exact/grow_bvh.h"
 
 namespace rbvh {
 namespace {
@@ -11,34 +12,32 @@ class Orderer {
       : nodes_(nodes), boxes_(boxes), config_(config) {}
 
   Bvh order(std::uint32_t root) const {
-    struct Open {
-      std::uint32_t link, node;
-    };
     Bvh bvh;
-    bvh.nodes.reserve(2 * nodes_.size() / std::max(1u, config_.leaf_size / 2) + 1);
-    bvh.nodes.resize(1);
-    std::vector<Open> stack = {{root, 0}};
-    while (!stack.empty()) {
-      const Open item = stack.back();
-      stack.pop_back();
-      BvhNode& node = bvh.nodes[item.node];
-      node.bounds = bounds(item.link);
-      if (is_leaf(item.link)) {
-        node.first = static_cast<std::uint32_t>(bvh.order.size());
-        gather(item.link, bvh.order);
-        node.count = static_cast<std::uint32_t>(bvh.order.size()) - node.first;
-      } else {
-        const auto children = static_cast<std::uint32_t>(bvh.nodes.size());
-        node.first = children;
-        bvh.nodes.resize(children + 2);
-        stack.push_back({nodes_[item.link].right, children + 1});
-        stack.push_back({nodes_[item.link].left, children});
-      }
-    }
+    bvh.order.resize(count(root));
+    bvh.nodes =
+        grow_bvh(Range{root, 0, count(root), bounds(root)}, [&](const Range& range, bool) -> HalvesOf<Range> {
+          if (is_leaf(range.link)) {
+            gather(range.link, bvh.order.data() + range.begin);
+            return {};
+          }
+          const std::uint32_t left = nodes_[range.link].left, right = nodes_[range.link].right;
+          const std::size_t middle = range.begin + count(left);
+          return {{Range{left, range.begin, middle, bounds(left)},
+                   Range{right, middle, range.end, bounds(right)}}};
+        });
     return bvh;
   }
 
  private:
+  /// A subtree, and the places in the order that its elements take.
+  struct Range {
+    std::uint32_t link;
+    std::size_t begin, end;
+    Bounds3f box;
+    std::size_t size() const { return end - begin; }
+    const Bounds3f& node_bounds() const { return box; }
+  };
+
   static bool is_element(std::uint32_t link) { return (link & LINKED_LEAF_BIT) != 0; }
   std::uint32_t count(std::uint32_t link) const { return is_element(link) ? 1 : nodes_[link].count; }
 
@@ -68,13 +67,13 @@ class Orderer {
     return n <= config_.test_width || leaf_cost(link) <= inner_cost(link);
   }
 
-  void gather(std::uint32_t link, std::vector<std::uint32_t>& order) const {
+  /// Returns the end of what it wrote.
+  std::uint32_t* gather(std::uint32_t link, std::uint32_t* to) const {
     if (is_element(link)) {
-      order.push_back(link & ~LINKED_LEAF_BIT);
-    } else {
-      gather(nodes_[link].left, order);
-      gather(nodes_[link].right, order);
+      *to = link & ~LINKED_LEAF_BIT;
+      return to + 1;
     }
+    return gather(nodes_[link].right, gather(nodes_[link].left, to));
   }
 
   std::span<const LinkedNode> nodes_;

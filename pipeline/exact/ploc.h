@@ -15,7 +15,7 @@ namespace rbvh {
 struct PlocConfig {
   std::uint32_t radius = 4;  ///< places to each side in which a neighbour is sought
   /// Rounds end when clusters have so many elements on average; the host builds the tree over them.
-  std::uint32_t cluster_size = 4;
+  std::uint32_t cluster_size = 2;
 };
 
 /// Boxes that are empty or not finite are left out. The tree does not depend on the device. Any number of

@@ -1,13 +1,19 @@
 #include "tests/bench/embree_scene.h"
 
+#include <algorithm>
+#include <limits>
+
 #include "pipeline/base/error.h"
 
 namespace rbvh::bench {
 
-EmbreeRays::EmbreeRays(const std::vector<Ray>& rays, bool coherent)
-    : rays_(rays), blocks_((rays.size() + 15) / 16), coherent_(coherent) {
+EmbreeRays::EmbreeRays(const std::vector<Ray>& rays, bool coherent, RayQuery query)
+    : rays_(rays), blocks_((rays.size() + 15) / 16), coherent_(coherent), query_(query) {
+  if (query == RayQuery::kNearest) {
+    for (Ray& ray : rays_) ray.tmax = std::numeric_limits<float>::infinity();
+  }
   for (std::size_t i = 0; i < blocks_.size() * 16; ++i) {
-    const Ray& ray = rays[std::min(i, rays.size() - 1)];
+    const Ray& ray = rays_[std::min(i, rays_.size() - 1)];
     Block& block = blocks_[i / 16];
     block.ox[i % 16] = ray.origin[0];
     block.oy[i % 16] = ray.origin[1];
@@ -15,6 +21,7 @@ EmbreeRays::EmbreeRays(const std::vector<Ray>& rays, bool coherent)
     block.dx[i % 16] = ray.direction[0];
     block.dy[i % 16] = ray.direction[1];
     block.dz[i % 16] = ray.direction[2];
+    block.tfar[i % 16] = ray.tmax;
   }
 }
 
@@ -26,11 +33,9 @@ EmbreeRays::EmbreeRays(const std::vector<Ray>& rays, bool coherent)
 #include <pmmintrin.h>
 #include <xmmintrin.h>
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstring>
-#include <limits>
 
 #include "pipeline/base/parallel_for.h"
 
@@ -51,19 +56,31 @@ struct FlushDenormals {
   unsigned before;
 };
 
+void fill(RTCRay& r, const Ray& ray) {
+  r.org_x = ray.origin[0];
+  r.org_y = ray.origin[1];
+  r.org_z = ray.origin[2];
+  r.tnear = 0;
+  r.dir_x = ray.direction[0];
+  r.dir_y = ray.direction[1];
+  r.dir_z = ray.direction[2];
+  r.time = 0;
+  r.tfar = ray.tmax;
+  r.mask = ~0u;
+  r.id = 0;
+  r.flags = 0;
+}
+
+void fill(RTCRay16& r, const float* tfar) {
+  std::fill_n(r.tnear, 16, 0.0f);
+  std::fill_n(r.time, 16, 0.0f);
+  std::memcpy(r.tfar, tfar, sizeof r.tfar);
+  std::fill_n(r.mask, 16, ~0u);
+  std::fill_n(r.flags, 16, 0u);
+}
+
 void fill(RTCRayHit& r, const Ray& ray) {
-  r.ray.org_x = ray.origin[0];
-  r.ray.org_y = ray.origin[1];
-  r.ray.org_z = ray.origin[2];
-  r.ray.tnear = 0;
-  r.ray.dir_x = ray.direction[0];
-  r.ray.dir_y = ray.direction[1];
-  r.ray.dir_z = ray.direction[2];
-  r.ray.time = 0;
-  r.ray.tfar = kInfinity;
-  r.ray.mask = ~0u;
-  r.ray.id = 0;
-  r.ray.flags = 0;
+  fill(r.ray, ray);
   r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
 }
@@ -72,6 +89,9 @@ Hit hit_of(bool hit, float t, float nx, float ny, float nz, float u, float v, un
   if (!hit) return {kInfinity, {0, 0, 0}, 0, 0, RBVH_NO_LEAF, 0};
   return {t, {nx, ny, nz}, u, v, primitive, RBVH_HIT_TRIANGLE_LEAF};
 }
+
+/// Embree marks an occluded ray by tfar = -inf.
+Hit occlusion(float tfar) { return hit_of(tfar < 0, 0, 0, 0, 0, 0, 0, 0); }
 
 Hit hit_of(const RTCRayHit& r) {
   return hit_of(r.hit.geomID != RTC_INVALID_GEOMETRY_ID, r.ray.tfar, r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z,
@@ -189,6 +209,13 @@ void EmbreeScene::trace(EmbreeMode mode, const EmbreeRays& rays, std::vector<Hit
     const FlushDenormals flush;
     RTCIntersectContext context = new_context();
     for (std::size_t i = begin; i < end; ++i) {
+      if (rays.query_ == RayQuery::kAny) {
+        RTCRay r;
+        fill(r, rays.rays_[i]);
+        rtcOccluded1(scene, &context, &r);
+        hits[i] = occlusion(r.tfar);
+        continue;
+      }
       RTCRayHit r;
       fill(r, rays.rays_[i]);
       rtcIntersect1(scene, &context, &r);
@@ -220,15 +247,17 @@ void EmbreeScene::trace(EmbreeMode mode, const EmbreeRays& rays, std::vector<Hit
       std::memcpy(p.ray.dir_x, block.dx, sizeof block.dx);
       std::memcpy(p.ray.dir_y, block.dy, sizeof block.dy);
       std::memcpy(p.ray.dir_z, block.dz, sizeof block.dz);
-      std::fill_n(p.ray.tnear, 16, 0.0f);
-      std::fill_n(p.ray.time, 16, 0.0f);
-      std::fill_n(p.ray.tfar, 16, kInfinity);
-      std::fill_n(p.ray.mask, 16, ~0u);
-      std::fill_n(p.ray.flags, 16, 0u);
+      fill(p.ray, block.tfar);
+      const std::size_t count = std::min<std::size_t>(16, end - i);
+      if (rays.query_ == RayQuery::kAny) {
+        rtcOccluded16(valid, scene, &context, &p.ray);
+        for (std::size_t k = 0; k < count; ++k) hits[i + k] = occlusion(p.ray.tfar[k]);
+        continue;
+      }
       std::fill_n(p.hit.geomID, 16, RTC_INVALID_GEOMETRY_ID);
       std::fill_n(p.hit.instID[0], 16, RTC_INVALID_GEOMETRY_ID);
       rtcIntersect16(valid, scene, &context, &p);
-      for (std::size_t k = 0; k < std::min<std::size_t>(16, end - i); ++k) {
+      for (std::size_t k = 0; k < count; ++k) {
         hits[i + k] = hit_of(p.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID, p.ray.tfar[k], p.hit.Ng_x[k],
                              p.hit.Ng_y[k], p.hit.Ng_z[k], p.hit.u[k], p.hit.v[k], p.hit.primID[k]);
       }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "kernels/layout.h"
+#include "pipeline/rbvh/trace_rbvh.h"
 #include "pipeline/scan/scan.h"
 
 namespace rbvh::bench {
@@ -32,17 +33,19 @@ std::string embree_version();  ///< empty without Embree
 /// Rays laid out as each mode wants them, outside the measured time.
 class EmbreeRays {
  public:
-  EmbreeRays(const std::vector<Ray>& rays, bool coherent);
+  /// kAny: whether a ray is occluded up to its tmax, in every mode but kStream; kNearest: tmax is no limit.
+  EmbreeRays(const std::vector<Ray>& rays, bool coherent, RayQuery query = RayQuery::kNearest);
   std::size_t size() const { return rays_.size(); }
 
  private:
   friend class EmbreeScene;
   struct alignas(64) Block {  ///< 16 rays by component; the last block repeats the last ray
-    float ox[16], oy[16], oz[16], dx[16], dy[16], dz[16];
+    float ox[16], oy[16], oz[16], dx[16], dy[16], dz[16], tfar[16];
   };
   std::vector<Ray> rays_;
   std::vector<Block> blocks_;
   bool coherent_;
+  RayQuery query_;
 };
 
 class EmbreeScene {
@@ -56,7 +59,8 @@ class EmbreeScene {
   double build_seconds() const;  ///< of rtcCommitScene: hierarchy and its own copy of the primitives
   std::size_t bytes() const;     ///< what Embree holds for it, by its own count
 
-  /// Nearest hits by `thread_count()` threads; the normals are Embree's, not of unit length.
+  /// Nearest hits by `thread_count()` threads; the normals are Embree's, not of unit length. Of an occluded
+  /// ray only that it hits is told.
   void trace(EmbreeMode mode, const EmbreeRays& rays, std::vector<Hit>& hits) const;
 
  private:

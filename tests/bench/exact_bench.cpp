@@ -44,7 +44,7 @@ struct RaySet {
   RayQuery query;
   std::size_t count;
   Buffer<Ray> rays;
-  std::unique_ptr<EmbreeRays> embree;  ///< none for shadows: Embree's nearest hits would be another thing
+  std::unique_ptr<EmbreeRays> embree;
 };
 
 double seconds_of(const std::function<void()>& work) {
@@ -110,7 +110,11 @@ std::vector<RaySet> make_rays(const Device& device, const Scan& scan, const Opti
                   {device, primary},
                   std::make_unique<EmbreeRays>(primary, true)});
   if (diffuse.empty()) return sets;
-  sets.push_back({"shadow", RayQuery::kAny, shadow.size(), {device, shadow}, nullptr});
+  sets.push_back({"shadow",
+                  RayQuery::kAny,
+                  shadow.size(),
+                  {device, shadow},
+                  std::make_unique<EmbreeRays>(shadow, false, RayQuery::kAny)});
   sets.push_back({"diffuse",
                   RayQuery::kNearest,
                   diffuse.size(),
@@ -144,7 +148,6 @@ Json measure_embree(const std::vector<Embree>& scenes, EmbreeMode mode, const st
   row["bytes"] = scenes[0].scene->bytes();
   std::vector<Hit> hits;
   for (const RaySet& set : sets) {
-    if (!set.embree) continue;
     double best = 0;
     for (const Embree& e : scenes) {
       std::vector<double> seconds;
@@ -167,7 +170,7 @@ Json measure_rays(const std::function<void()>& trace, const RaySet& set, const s
   std::vector<Hit> embree_hits;
   for (int i = 0; i < repetitions; ++i) {
     seconds.push_back(seconds_of(trace));
-    if (!set.embree || embree.empty()) continue;
+    if (embree.empty()) continue;
     double fastest = std::numeric_limits<double>::infinity();
     for (const Embree& e : embree) {
       fastest = std::min(fastest, seconds_of([&] { e.scene->trace(mode, *set.embree, embree_hits); }));
@@ -232,8 +235,8 @@ Json measure_lbvh(const Device& device, const Scan& scan, int threads) {
     count = std::min(count, boxes.size());
     const std::span<const Bounds3f> part(boxes.data(), count);
     std::vector<double> device_seconds, serial_seconds, shares;
+    LbvhTimings t;
     for (int i = 0; i < 3; ++i) {
-      LbvhTimings t;
       device_seconds.push_back(seconds_of([&] { build_lbvh(device, part, config, MortonBits::k63, &t); }));
       shares.push_back(t.sort / device_seconds.back());
       set_thread_count(1);
@@ -243,6 +246,7 @@ Json measure_lbvh(const Device& device, const Scan& scan, int threads) {
     rows.push_back({{"triangles", count},
                     {"lbvh_seconds", median(device_seconds)},
                     {"sort_share", median(shares)},
+                    {"last_phases", {{"order", t.order}, {"nodes", t.nodes}, {"link", t.link}}},
                     {"serial_sah_binned_seconds", median(serial_seconds)}});
     if (count == boxes.size()) break;
   }
@@ -261,21 +265,20 @@ void print(const Json& report) {
               report["embree"].get<std::string>().c_str());
   std::printf(
       "| Tracer | Builder | Build [s] | SAH cost | MB | Camera | of packet16 | Primary | of single | Shadow "
-      "| Diffuse "
-      "| of single | Nodes, primitives: primary | diffuse |\n"
-      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+      "| of single | Diffuse | of single | Nodes, primitives: primary | diffuse |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
   for (const Json& r : report["methods"]) {
     std::printf(
-        "| %s | %s | %.3f | %.1f | %.1f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.1f, %.1f | "
-        "%.1f, "
-        "%.1f |\n",
+        "| %s | %s | %.3f | %.1f | %.1f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | "
+        "%.1f, %.1f | %.1f, %.1f |\n",
         r["tracer"].get<std::string>().c_str(), r["builder"].get<std::string>().c_str(),
         number(r, "build_seconds"), number(r, "sah_cost"), number(r, "bytes") * 1e-6,
         number(r, "camera", "mrays"), number(r, "camera", "of_embree_packet16"),
         number(r, "primary", "mrays"), number(r, "primary", "of_embree_single"), number(r, "shadow", "mrays"),
-        number(r, "diffuse", "mrays"), number(r, "diffuse", "of_embree_single"),
-        number(r, "primary", "nodes_per_ray"), number(r, "primary", "primitives_per_ray"),
-        number(r, "diffuse", "nodes_per_ray"), number(r, "diffuse", "primitives_per_ray"));
+        number(r, "shadow", "of_embree_single"), number(r, "diffuse", "mrays"),
+        number(r, "diffuse", "of_embree_single"), number(r, "primary", "nodes_per_ray"),
+        number(r, "primary", "primitives_per_ray"), number(r, "diffuse", "nodes_per_ray"),
+        number(r, "diffuse", "primitives_per_ray"));
   }
   std::printf(
       "\n| Triangles | LBVH [ms] | sort's share | serial SAH, binned [ms] |\n| --- | --- | --- | --- |\n");
