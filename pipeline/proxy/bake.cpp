@@ -308,10 +308,11 @@ Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& co
   counts.join_seconds = lap();
   BaseMesh base;
   std::vector<TrianglePair> pairs = make_pairs(decimation, file, config, diagonal, base, counts, progress);
-  const Quads quads{mesh, base, decimation.map(), std::move(pairs)};
+  const SelfMap map = decimation.finish();
+  const Quads quads{mesh, base, map, std::move(pairs)};
   counts.base_triangles = base.triangles.size();
   counts.patches = quads.pairs.size();
-  counts.folded_steps = decimation.map().circle_steps();
+  counts.folded_steps = map.circle_steps();
 
   Proxy proxy;
   make_base(quads, proxy);

@@ -1,5 +1,7 @@
 // Arbitrary sidecars over a proxy's own mesh and map, and arbitrary meshes under a true sidecar (the first
 // byte says which): what gets through must keep the promises of find_fault().
+#include <unistd.h>
+
 #include <cstdlib>
 #include <filesystem>
 

@@ -286,6 +286,7 @@ TEST(SelfMap, IsOntoAndContinuous) {
   Decimation decimation(mesh, "mushroom");
   decimation.run(24, 1e30, {});
   const BaseMesh base = decimation.base();
+  const SelfMap map = decimation.finish();
   ASSERT_LE(base.triangles.size(), 24u);
   std::vector<bool> is_hit(mesh.triangles.size());
   constexpr int kSteps = 400;
@@ -295,7 +296,7 @@ TEST(SelfMap, IsOntoAndContinuous) {
       Vec3d before{};
       for (int j = 0; j <= kSteps - i; ++j) {
         const double u = static_cast<double>(i) / kSteps, v = static_cast<double>(j) / kSteps;
-        const FacePoint p = decimation.map().to_original({base.versions[t], {1 - u - v, u, v}});
+        const FacePoint p = map.to_original({base.versions[t], {1 - u - v, u, v}});
         ASSERT_LT(p.version, mesh.triangles.size());
         is_hit[p.version] = true;
         Vec3d point{};
