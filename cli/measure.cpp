@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "io/image.h"
+#include "pipeline/proxy/proxy_surface.h"
 #include "pipeline/render/difference.h"
 #include "pipeline/render/shade.h"
 
@@ -115,6 +116,19 @@ LevelFidelity stored_fidelity(const ViewsFidelity& views) {
   f.walls = static_cast<std::uint32_t>(views.worst_walls);
   f.measured = true;
   return f;
+}
+
+ProxyMeasure measure_proxy(const Proxy& proxy, const Scan& scan) {
+  const TriangleSoup from = surface_of(scan), to = surface_of(proxy);
+  return {sampled_distance(to, ClosestPoint(from), kDistanceSamples),
+          sampled_distance(from, ClosestPoint(to), kDistanceSamples), bounds(scan).diagonal()};
+}
+
+nlohmann::ordered_json proxy_measure_json(const ProxyMeasure& measure) {
+  const auto json = [&](const DistanceStatistics& d) -> nlohmann::ordered_json {
+    return {{"rms_percent", 100 * d.rms / measure.diagonal}, {"max_percent", 100 * d.max / measure.diagonal}};
+  };
+  return {{"proxy_to_scan", json(measure.to_scan)}, {"scan_to_proxy", json(measure.to_proxy)}};
 }
 
 }  // namespace rbvh

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cli/subject.h"
+#include "pipeline/proxy/proxy.h"
 #include "pipeline/rbvh/fidelity.h"
 #include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/render/image_error.h"
@@ -36,5 +37,15 @@ std::vector<LevelMeasure> measure_levels(Context& context, const Device& device,
 
 /// What a pair's file keeps of it.
 LevelFidelity stored_fidelity(const ViewsFidelity& views);
+
+/// A proxy's distance to the scan, both ways.
+struct ProxyMeasure {
+  DistanceStatistics to_scan, to_proxy;  ///< scan units
+  double diagonal = 0;                   ///< of the scan
+};
+ProxyMeasure measure_proxy(const Proxy& proxy, const Scan& scan);
+
+/// {"proxy_to_scan": {"rms_percent", "max_percent"}, "scan_to_proxy": ...}, in percent of the diagonal.
+nlohmann::ordered_json proxy_measure_json(const ProxyMeasure& measure);
 
 }  // namespace rbvh

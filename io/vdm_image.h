@@ -1,4 +1,5 @@
-// Displacement maps: our own, an EXR of three 32-bit floats, written and read back by OpenImageIO.
+// Displacement maps by OpenImageIO: our own, an EXR of three 32-bit floats, written and read; those of other
+// programs, read.
 #pragma once
 
 #include <cstdint>
@@ -6,17 +7,12 @@
 #include <string_view>
 #include <vector>
 
-#include "pipeline/base/vec.h"
+#include "pipeline/proxy/import_vdm.h"
 
 namespace rbvh {
 
-struct VdmImage {
-  std::uint32_t width = 0, height = 0;
-  std::vector<Vec3f> texels;  ///< row by row, row 0 on top
-};
-
-/// Writes it to `temporary_path` with attributes that say how to read it. Identical texels give identical
-/// bytes. Errors name `path`. Throws Error(kFailure).
+/// Writes an EXR of three 32-bit floats to `temporary_path` with attributes that say how to read it.
+/// Identical texels give identical bytes. Errors name `path`. Throws Error(kFailure).
 void write_vdm_exr(const std::string& temporary_path, const std::string& path, const std::vector<Vec3f>& map,
                    std::uint32_t width, std::uint32_t height);
 
@@ -24,5 +20,9 @@ void write_vdm_exr(const std::string& temporary_path, const std::string& path, c
 /// by 1100 times their number. Throws Error(kInput), naming `path`.
 std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path, std::uint32_t width,
                                   std::uint32_t height);
+
+/// Reads any displacement map: EXR, PNG or TIFF with one channel (heights) or three and more, of which R, G
+/// and B (or the first three) are taken. Hostile bytes are expected. Throws Error(kInput).
+VdmMap read_vdm_map(const std::string& path);
 
 }  // namespace rbvh

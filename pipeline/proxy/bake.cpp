@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -40,29 +41,42 @@ struct Quads {
     return Vec3f(sum);
   }
 
-  // The base's point under (s, t) of a quad, linear in each of its triangles, taken to the scan.
+  // The base's point under (s, t) of a quad, linear in each of its triangles, taken to the scan. The side
+  // that the two share is the diagonal from (0, 0) to (1, 1), along which texel quads are cut, too.
   Vec3f at(std::size_t quad, double s, double t) const {
     const TrianglePair& pair = pairs[quad];
     std::array<double, 3> weights{};
     const bool is_alone = pair.second == TrianglePair::kNone;
-    const bool is_first = is_alone || s + t <= 1;
+    const bool is_first = is_alone || t >= s;
     const std::size_t side = is_first ? pair.first_side : pair.second_side;
     double &from = weights[side], &to = weights[(side + 1) % 3], &opposite = weights[(side + 2) % 3];
     if (is_alone) {
-      from = s * (1 - t) + s * t / 2;
-      to = (1 - s) * t + s * t / 2;
-      opposite = (1 - s) * (1 - t);
+      from = (1 - s) * (1 - t) + s * (1 - t) / 2;
+      to = s * t + s * (1 - t) / 2;
+      opposite = (1 - s) * t;
     } else if (is_first) {
-      from = s;
-      to = t;
-      opposite = 1 - s - t;
+      from = 1 - t;
+      to = s;
+      opposite = t - s;
     } else {
-      from = 1 - s;
-      to = 1 - t;
-      opposite = s + t - 1;
+      from = t;
+      to = 1 - s;
+      opposite = s - t;
     }
     return on_scan(is_first ? pair.first : pair.second, weights);
   }
+};
+
+class Lap {
+ public:
+  double operator()() {
+    const auto before = last_;
+    last_ = std::chrono::steady_clock::now();
+    return std::chrono::duration<double>(last_ - before).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
 std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& file,
@@ -73,10 +87,13 @@ std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& 
   std::vector<TrianglePair> pairs;
   std::uint64_t target = 2 * config.max_patches;
   for (int tries = 0;; ++tries) {
+    Lap lap;
     decimation.run(target, error, progress);
+    counts.decimate_seconds += lap();
     base = decimation.base();
     report(progress, "pairing triangles", 0);
     pairs = pair_triangles(base, counts.alone_triangles);
+    counts.pair_seconds += lap();
     if (config.max_patches == 0 || pairs.size() <= config.max_patches) return pairs;
     // Triangles that stand alone cost a patch each.
     const std::uint64_t excess = 2 * (pairs.size() - config.max_patches);
@@ -91,7 +108,7 @@ std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& 
   }
 }
 
-// The base as it goes to the proxy: a quad (r, p, s, q) for every pair.
+// The base as it goes to the proxy: a quad (p, s, q, r) for every pair.
 void make_base(const Quads& quads, Proxy& proxy) {
   proxy.positions = quads.base.positions;
   for (std::size_t i = 0; i < quads.pairs.size(); ++i) {
@@ -103,9 +120,9 @@ void make_base(const Quads& quads, Proxy& proxy) {
       s = quads.base.triangles[pair.second][(pair.second_side + 2u) % 3];
     } else {
       s = static_cast<std::uint32_t>(proxy.positions.size());
-      proxy.positions.push_back(quads.at(i, 1, 1));
+      proxy.positions.push_back(quads.at(i, 1, 0));
     }
-    proxy.quads.push_back({a[(side + 2) % 3], a[side], s, a[(side + 1) % 3]});
+    proxy.quads.push_back({a[side], s, a[(side + 1) % 3], a[(side + 2) % 3]});
   }
 }
 
@@ -135,7 +152,7 @@ Grid every_second(const Grid& fine) {
 }
 
 // How far the fine grid's points lie from the surface of every `stride`-th of them, as a multiple of
-// `allowed` (RMS, or the worst point's share of kWorstPoint).
+// `allowed` (RMS, or the worst point's share of kWorstPoint). Cells are two triangles.
 double error_without(const Grid& fine, std::uint32_t stride, double allowed) {
   double sum = 0, worst = 0;
   for (std::uint32_t j = 0; j + 1 < fine.side; j += stride)
@@ -147,7 +164,7 @@ double error_without(const Grid& fine, std::uint32_t stride, double allowed) {
         for (std::uint32_t x = 0; x < stride; ++x) {
           if (x == 0 && y == 0) continue;
           const double s = static_cast<double>(x) / stride, t = static_cast<double>(y) / stride;
-          const Vec3d flat = (a * (1 - s) + b * s) * (1 - t) + (d * (1 - s) + c * s) * t;
+          const Vec3d flat = s >= t ? a + (b - a) * s + (c - b) * t : a + (c - d) * s + (d - a) * t;
           const Vec3d off = Vec3d(fine.at(i + x, j + y)) - flat;
           const double along = dot(off, normal), all = dot(off, off);
           const double distance = std::sqrt(along * along + kAlongWeight * (all - along * along));
@@ -282,22 +299,27 @@ Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& co
     throw Error(ExitCode::kInput, file, "is a point cloud, and a proxy needs a surface; mesh it first");
   counts = {};
   counts.triangles_in = scan.triangles.size();
+  Lap lap;
   report(progress, "joining triangles", 0);
   const Manifold mesh = make_manifold(scan, config.min_component, counts.mesh);
   if (mesh.triangles.empty()) throw Error(ExitCode::kInput, file, "has no triangle with three corners");
   const double diagonal = diagonal_of(mesh);
   Decimation decimation(mesh, file);
+  counts.join_seconds = lap();
   BaseMesh base;
   std::vector<TrianglePair> pairs = make_pairs(decimation, file, config, diagonal, base, counts, progress);
-  const Quads quads{mesh, base, decimation.map(), std::move(pairs)};
+  const SelfMap map = decimation.finish();
+  const Quads quads{mesh, base, map, std::move(pairs)};
   counts.base_triangles = base.triangles.size();
   counts.patches = quads.pairs.size();
-  counts.folded_steps = decimation.map().circle_steps();
+  counts.folded_steps = map.circle_steps();
 
   Proxy proxy;
   make_base(quads, proxy);
   const double allowed = config.detail * diagonal;
+  lap();
   const std::vector<Grid> grids = make_grids(quads, config, allowed, counts, progress);
+  counts.sample_seconds = lap();
   measure_distortion(grids, counts);
   for (const Grid& grid : grids) proxy.tiles.push_back({0, 0, grid.side, 0});
   pack_map(proxy);

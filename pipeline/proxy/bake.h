@@ -34,6 +34,7 @@ struct BakeReport {
          stretch_p95 = 0;  ///< longest to shortest side of texels on the surface; 1: square
   double area_p95 = 0;     ///< a texel's area against its patch's mean, or the other way round; 1: all equal
   double longest_displacement = 0;  ///< scan units
+  double join_seconds = 0, decimate_seconds = 0, pair_seconds = 0, sample_seconds = 0;
 };
 
 /// Throws Error(kInput) for a cloud, and where nothing is left; Error(kBudget) where max_patches cannot be

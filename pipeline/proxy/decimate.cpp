@@ -42,7 +42,7 @@ struct Strictness {
   double least_flat;      ///< of the step's map, see SelfMap::lies_flat()
   unsigned most_valence;  ///< of the vertex that stays
 };
-constexpr Strictness kRounds[] = {{0.5, 0.5, 0.2, 9}, {0.2, 0.1, 0.2, 12}, {-0.5, 0.01, 0.001, 24}};
+constexpr Strictness kRounds[] = {{0.5, 0.5, 0.2, 9}, {-0.5, 0.01, 0.001, 24}};
 constexpr Strictness kLastRound = {-2, 0, 0, 200};  ///< anything that keeps a surface a surface
 
 double shape_of(const OmPoint& a, const OmPoint& b, const OmPoint& c) {
@@ -78,6 +78,7 @@ struct Decimation::State {
       first_vertex;  ///< of each face: its version, and that one's first corner
   std::vector<Quadric> quadrics;
   std::vector<std::uint32_t> stamps;
+  std::vector<std::uint16_t> valences;  ///< OpenMesh would count them anew each time
   std::priority_queue<Waiting> queue;
   Strictness strictness = kRounds[0];
   double max_error = 0;
@@ -156,11 +157,11 @@ struct Decimation::State {
     if (mesh.is_boundary(step.v0) &&
         (!mesh.is_boundary(step.v1) || (step.vl.is_valid() && step.vr.is_valid())))
       return false;
-    return mesh.valence(step.v0) >= 3;
+    return valences[index(step.v0)] >= 3;
   }
   bool keeps_shape(const CollapseInfo& step) {
     if (strictness.least_flat <= 0) return true;
-    if (mesh.valence(step.v0) + mesh.valence(step.v1) > strictness.most_valence + 4) return false;
+    if (valences[index(step.v0)] + valences[index(step.v1)] > strictness.most_valence + 4) return false;
     double worst_before = 1, worst_after = 1;
     for (const Halfedge h : mesh.voh_range(step.v0)) {
       if (mesh.is_boundary(h)) continue;
@@ -174,6 +175,10 @@ struct Decimation::State {
       worst_after = std::min(worst_after, shape_of(step.p1, pa, pb));
     }
     if (worst_after < strictness.least_shape && worst_after < worst_before) return false;
+    return true;
+  }
+  bool lies_flat(const CollapseInfo& step) {
+    if (strictness.least_flat <= 0) return true;
     gather_ring(step);
     return SelfMap::lies_flat(vec(step.p0), ring, star_faces.size() < ring.size(), fan_from(step),
                               strictness.least_flat);
@@ -223,6 +228,9 @@ struct Decimation::State {
     quadrics[index(step.v1)] += quadrics[index(step.v0)];
     ++stamps[index(step.v0)];
     mesh.collapse(step.v0v1);
+    for (const Vertex v : {step.vl, step.vr})
+      if (v.is_valid()) --valences[index(v)];
+    valences[index(step.v1)] = static_cast<std::uint16_t>(mesh.valence(step.v1));
     for (const Vertex v : ring_vertices) enqueue(v);
   }
 
@@ -244,7 +252,7 @@ struct Decimation::State {
     std::sort(candidates.begin(), candidates.end());
     for (const auto& [error, halfedge] : candidates) {
       const CollapseInfo step(mesh, halfedge);
-      if (!keeps_surface(step) || !keeps_shape(step)) continue;
+      if (!keeps_shape(step) || !keeps_surface(step) || !lies_flat(step)) continue;
       if (error <= head.error) {
         take(step);
         return true;
@@ -274,6 +282,9 @@ Decimation::Decimation(const Manifold& mesh, const std::string& file)
   s.live_triangles = mesh.triangles.size();
   s.stamps.assign(mesh.positions.size(), 0);
   s.add_quadrics();
+  s.valences.resize(mesh.positions.size());
+  for (const Vertex v : s.mesh.vertices())
+    s.valences[index(v)] = static_cast<std::uint16_t>(s.mesh.valence(v));
 }
 
 Decimation::~Decimation() = default;
@@ -329,6 +340,10 @@ BaseMesh Decimation::base() const {
   return base;
 }
 
-const SelfMap& Decimation::map() const { return state_->map; }
+SelfMap Decimation::finish() {
+  SelfMap map = std::move(state_->map);
+  state_.reset();
+  return map;
+}
 
 }  // namespace rbvh

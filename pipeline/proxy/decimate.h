@@ -36,7 +36,8 @@ class Decimation {
 
   std::uint64_t triangle_count() const;
   BaseMesh base() const;
-  const SelfMap& map() const;
+  /// The map, taken out; the rest is given back to the machine, and nothing else may be asked any more.
+  SelfMap finish();
 
  private:
   struct State;

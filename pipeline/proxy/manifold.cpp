@@ -1,6 +1,7 @@
 #include "pipeline/proxy/manifold.h"
 
 #include <algorithm>
+#include <span>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/sets.h"
@@ -15,6 +16,8 @@ struct Side {
   std::uint32_t corner;
   bool is_forward;  ///< from the smaller vertex to the larger
 };
+
+constexpr std::size_t kMostSheets = 64;  ///< that are paired at one edge
 
 std::uint32_t next_corner(std::uint32_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
 
@@ -86,21 +89,56 @@ std::vector<std::uint32_t> kept_corners(const Scan& scan, double min_component, 
   return corners;
 }
 
+Vec3d normal_of(const Scan& scan, const std::vector<std::uint32_t>& vertex_of, std::uint32_t triangle) {
+  const auto point = [&](std::uint32_t k) { return Vec3d(scan.positions[vertex_of[3 * triangle + k]]); };
+  return normalized(cross(point(1) - point(0), point(2) - point(0)));
+}
+
+// Which sides of an edge with more than two triangles are neighbours: of those that turn the same way, the
+// ones that lie flattest. Calls glue(a, b).
+template <class Glue>
+void pair_sheets(const Scan& scan, const std::vector<std::uint32_t>& vertex_of, std::span<const Side> sides,
+                 const Glue& glue) {
+  if (sides.size() > kMostSheets) return;
+  struct Candidate {
+    double cosine;
+    std::size_t a, b;
+  };
+  std::vector<Candidate> candidates;
+  for (std::size_t a = 0; a < sides.size(); ++a)
+    for (std::size_t b = a + 1; b < sides.size(); ++b)
+      if (sides[a].is_forward != sides[b].is_forward)
+        candidates.push_back({dot(normal_of(scan, vertex_of, sides[a].corner / 3),
+                                  normal_of(scan, vertex_of, sides[b].corner / 3)),
+                              a, b});
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& x, const Candidate& y) { return x.cosine > y.cosine; });
+  std::vector<bool> is_glued(sides.size());
+  for (const Candidate& c : candidates) {
+    if (is_glued[c.a] || is_glued[c.b]) continue;
+    is_glued[c.a] = is_glued[c.b] = true;
+    glue(sides[c.a], sides[c.b]);
+  }
+}
+
 // Joins corners of one vertex across the edges that two triangles share as neighbours should. What is then
 // one set of corners goes round its vertex in one fan.
-std::vector<std::uint32_t> fans(const std::vector<std::uint32_t>& vertex_of, const std::vector<Side>& sides,
-                                const std::vector<bool>& is_apart, std::uint64_t& cut_edges) {
+std::vector<std::uint32_t> fans(const Scan& scan, const std::vector<std::uint32_t>& vertex_of,
+                                const std::vector<Side>& sides, const std::vector<bool>& is_apart,
+                                std::uint64_t& cut_edges) {
   Sets sets(vertex_of.size());
   cut_edges = 0;
+  const auto glue = [&](const Side& a, const Side& b) {
+    if (is_apart[a.corner / 3] || is_apart[b.corner / 3]) return;
+    sets.join(a.corner, next_corner(b.corner));
+    sets.join(next_corner(a.corner), b.corner);
+  };
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     if (end - begin == 1) return;
     const Side &a = sides[begin], &b = sides[begin + 1];
-    if (end - begin > 2 || a.is_forward == b.is_forward || is_apart[a.corner / 3] || is_apart[b.corner / 3]) {
-      ++cut_edges;
-      return;
-    }
-    sets.join(a.corner, next_corner(b.corner));
-    sets.join(next_corner(a.corner), b.corner);
+    if (end - begin == 2 && a.is_forward != b.is_forward) return glue(a, b);
+    ++cut_edges;
+    pair_sheets(scan, vertex_of, std::span(sides).subspan(begin, end - begin), glue);
   });
   std::vector<std::uint32_t> fan(vertex_of.size());
   for (std::uint32_t corner = 0; corner < fan.size(); ++corner) fan[corner] = sets.find(corner);
@@ -116,7 +154,7 @@ Manifold make_manifold(const Scan& scan, double min_component, ManifoldCounts& c
   {
     const std::vector<Side> sides = sorted_sides(vertex_of);
     std::vector<bool> is_apart(vertex_of.size() / 3, false);
-    fan = fans(vertex_of, sides, is_apart, counts.cut_edges);
+    fan = fans(scan, vertex_of, sides, is_apart, counts.cut_edges);
     // Fans that were cut along an edge may still be one at both of its ends, round about. Rare: such
     // triangles stand alone.
     for (bool is_again = counts.cut_edges > 0; is_again;) {
@@ -129,7 +167,7 @@ Manifold make_manifold(const Scan& scan, double min_component, ManifoldCounts& c
         for (std::size_t i = begin; i < end; ++i) is_apart[fan_sides[i].corner / 3] = true;
         is_again = true;
       });
-      if (is_again) fan = fans(vertex_of, sides, is_apart, counts.cut_edges);
+      if (is_again) fan = fans(scan, vertex_of, sides, is_apart, counts.cut_edges);
     }
   }
 

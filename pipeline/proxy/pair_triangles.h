@@ -10,7 +10,7 @@
 
 namespace rbvh {
 
-/// A quad of one triangle or two: (r, p, s, q) of the triangles (p, q, r) and (q, p, s), or of one triangle
+/// A quad of one triangle or two: (p, s, q, r) of the triangles (p, q, r) and (q, p, s), or of one triangle
 /// (p, q, r) whose side p q is open, where s is the middle of it.
 struct TrianglePair {
   static constexpr std::uint32_t kNone = UINT32_MAX;

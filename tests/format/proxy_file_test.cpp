@@ -87,5 +87,110 @@ TEST_F(ProxyFile, BytesDependOnTheProxyAlone) {
     EXPECT_EQ(read_bytes(path(std::string("a") + end)), read_bytes(path(std::string("b") + end))) << end;
 }
 
+TEST_F(ProxyFile, MixedUpFilesAreRefused) {
+  Proxy other = make_two_patch_proxy();
+  for (Vec3f& p : other.positions) p = p * 2.f;
+  save_proxy(path("a.obj"), make_two_patch_proxy());
+  save_proxy(path("b.obj"), other);
+  for (const char* end : {".obj", ".vdm.exr", ".vdm.json"}) {
+    const Bytes kept = read_bytes(path(std::string("a") + end)),
+                foreign = read_bytes(path(std::string("b") + end));
+    if (kept == foreign) continue;  // both have the same map
+    write_bytes(path(std::string("a") + end), foreign);
+    EXPECT_NE(fault_of(path("a.obj")).find("belongs to another proxy"), std::string::npos) << end;
+    write_bytes(path(std::string("a") + end), kept);
+  }
+  EXPECT_EQ(fault_of(path("a.obj")), "");
+  for (const char* end : {".vdm.exr", ".vdm.json"}) {
+    const std::string file = path(std::string("a") + end);
+    const Bytes kept = read_bytes(file);
+    fs::remove(file);
+    EXPECT_NE(fault_of(path("a.obj")).find("comes without"), std::string::npos) << end;
+    write_bytes(file, kept);
+  }
+}
+
+TEST_F(ProxyFile, CutOrFlippedAnywhereIsRefused) {
+  save_proxy(path("a.obj"), make_two_patch_proxy());
+  for (const char* end : {".obj", ".vdm.exr", ".vdm.json"}) {
+    const std::string file = path(std::string("a") + end);
+    const Bytes kept = read_bytes(file);
+    for (std::size_t size = 0; size + 2 < kept.size(); size += 1 + kept.size() / 50) {
+      write_bytes(file, Bytes(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(size)));
+      EXPECT_NE(fault_of(path("a.obj")), "") << end << " cut to " << size;
+    }
+    write_bytes(file, kept);
+  }
+  EXPECT_EQ(fault_of(path("a.obj")), "");
+}
+
+// What a sidecar may say wrongly although the files are those that it names.
+TEST_F(ProxyFile, SidecarsThatLieAreRefused) {
+  save_proxy(path("a.obj"), make_two_patch_proxy());
+  const std::string sidecar = path("a.vdm.json"), text = text_of(sidecar);
+  const std::vector<std::array<std::string, 3>> lies = {
+      {"rbvh proxy", "other", "is no sidecar of a proxy"},
+      {"\"version\": [\n  1,", "\"version\": [\n  2,", "has version 2.0"},
+      {"\"space\": \"object\"", "\"space\": \"tangent\"", "rbvh proxy --vdm"},
+      {"\"midlevel\": 0", "\"midlevel\": 0.5", "rbvh proxy --vdm"},
+      {"\"scale\": 1", "\"scale\": \"1\"", "'scale' is no number"},
+      {"\"width\": 8", "\"width\": 16", "texture coordinates"},
+      {"\"height\": 5", "\"height\": 0", "no texels"},
+      {"\"height\": 5", "\"height\": 65536", "texture coordinates"},
+      {"\"height\": 5", "\"height\": -5", "'map.height'"},
+      {"[5, 0, 3,", "[6, 0, 3,", "texture coordinates"},
+      {"[5, 0, 3,", "[5, 0, 4,", ""},
+      {"[5, 0, 3,", "[4, 0, 3,", ""},
+      {"[0, 0, 5,", "[0, 0, 4294967297,", "'side'"},
+      {"\"tiles\": [", "\"tiles\": [[0, 0, 5, 9],", "tiles"},
+      {"\"tiles\"", "\"tyles\"", "'tiles' is missing"}};
+  for (const auto& [from, to, part] : lies) {
+    write_text(sidecar, replaced(text, from, to));
+    const std::string fault = fault_of(path("a.obj"));
+    EXPECT_NE(fault, "") << to;
+    EXPECT_NE(fault.find(part), std::string::npos) << fault;
+  }
+  write_text(sidecar, replaced(text, "\"version\": [\n  1,\n  0", "\"version\": [\n  1,\n  7"));
+  EXPECT_EQ(fault_of(path("a.obj")), "");  // a newer minor version
+  write_text(sidecar, std::string(100000, '['));
+  EXPECT_NE(fault_of(path("a.obj")), "");
+}
+
+TEST_F(ProxyFile, FaultsAreFound) {
+  const auto fault = [](auto&& change) {
+    Proxy proxy = make_two_patch_proxy();
+    change(proxy);
+    return find_fault(proxy).value_or("");
+  };
+  EXPECT_EQ(fault([](Proxy&) {}), "");
+  EXPECT_NE(fault([](Proxy& p) { p.map[4].x += 0.01f; }).find("one surface"), std::string::npos);  // a corner
+  EXPECT_NE(fault([](Proxy& p) { p.map[8 + 4].z += 0.01f; }).find("one surface"),
+            std::string::npos);  // a chord
+  EXPECT_NE(fault([](Proxy& p) { p.map[9].x = NAN; }).find("not finite"), std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.positions[0].x = INFINITY; }).find("vertex 0"), std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.quads[1][2] = 6; }).find("vertex 6 of 6"), std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.tiles[1].side = 4; }).find("2^k + 1"), std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.tiles[1].x = 4; }).find("overlaps"), std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.tiles[1].y = 3; }).find("reaches out"), std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.tiles[0].longest_displacement *= 0.9f; }).find("displaced by"),
+            std::string::npos);
+  EXPECT_NE(fault([](Proxy& p) { p.quads.clear(); }), "");
+  EXPECT_NE(fault([](Proxy& p) { p.tiles.pop_back(); }), "");
+  EXPECT_NE(fault([](Proxy& p) { p.map.pop_back(); }), "");
+}
+
+TEST_F(ProxyFile, TakesPlacesOfOldFilesOnlyWhenAllowed) {
+  save_proxy(path("a.obj"), make_two_patch_proxy());
+  EXPECT_THROW(save_proxy(path("a.obj"), make_two_patch_proxy()), Error);
+  EXPECT_NO_THROW(save_proxy(path("a.obj"), make_two_patch_proxy(), {}, true));
+  Proxy bad = make_two_patch_proxy();
+  bad.map[4].x += 1;
+  EXPECT_THROW(save_proxy(path("b.obj"), bad), Error);
+  EXPECT_FALSE(is_proxy(path("b.obj")));
+  write_text(path("c.obj"), "v 0 0 0\n");
+  EXPECT_FALSE(is_proxy(path("c.obj")));
+  EXPECT_THROW(check_proxy_output(path("c.ply"), true), Error);
+}
+
 }  // namespace
 }  // namespace rbvh
