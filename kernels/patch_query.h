@@ -72,11 +72,11 @@ static inline uint meet_planes16(__global const ushort (*planes)[PATCH_WIDTH], c
   return lane_bits16(enter <= leave);
 }
 
-// The level that resolves what the ray does at t: micro-quads whose sides are no longer than that. `speed`: the
+// The level that resolves what the ray does at t: micro-quads whose sides are about that long. `speed`: the
 // direction's length.
 static inline uint wanted_level(__global const Patch* p, RayDetail detail, float t, float speed, uint most) {
   const float resolved = (detail.width + detail.spread * max(t, 0.0f)) * speed;
-  const float pieces = p->size / resolved;
+  const float pieces = p->size / resolved * 0.70710678f;  // the nearest power of two
   if (!(pieces < (float)(1u << PATCH_MOST_LEVEL))) return most;
   uint level = 0;
   while (level < most && (float)(1u << level) < pieces) ++level;

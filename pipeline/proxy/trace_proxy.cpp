@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <string>
 
 #include "pipeline/base/error.h"
@@ -594,7 +595,7 @@ void set_detail(const ProxyTracer& tracer, const CameraRays& camera, double pixe
         const double gap = std::max({lo - at[axis], at[axis] - hi, 0.0});
         square += gap * gap;
       }
-      const double pieces = static_cast<double>(p.size) / (spread * std::sqrt(square));
+      const double pieces = static_cast<double>(p.size) / (spread * std::sqrt(square)) * std::numbers::sqrt2 / 2;
       std::uint32_t level = std::min(kLeastLevel, p.level);
       while (level < p.level && !(static_cast<double>(1u << level) >= pieces)) ++level;
       std::uint32_t& wanted = levels[instance.first_patch + i];

@@ -72,8 +72,9 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
                               std::span<const ProxyInstance> instances, const ProxyConfig& config = {});
 ProxyTracer make_proxy_tracer(const Device& device, const Proxy& proxy, const ProxyConfig& config = {});
 
-/// From now on micro-quads are about `pixels` pixels of that camera, or the tiles' own where those are coarser. Rays
-/// of that camera that resolve less than the patch's nearest do with less.
+/// From now on micro-quads are about `pixels` pixels of that camera (0.7 to 1.4 times that in a patch's nearest point),
+/// or the tiles' own where those are coarser. Rays of that camera that resolve less than the patch's nearest do with
+/// less.
 void set_detail(const ProxyTracer& tracer, const CameraRays& camera, double pixels = 1);
 /// Every patch at its finest, or at `most`.
 void set_detail(const ProxyTracer& tracer, std::uint32_t most = PATCH_MOST_LEVEL);

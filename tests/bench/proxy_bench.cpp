@@ -134,65 +134,96 @@ double median(std::vector<double> values) {
 
 // --- rays -----------------------------------------------------------------------------------------------------------
 
-/// One kind of rays, cast by one tracer.
+/// One kind of rays: milliseconds with nothing built, with all built, with what the casts before it built, and of the
+/// twin; all on the same rays, in turn, as what slows one down for a while slows all.
 struct Row {
   std::string rays;
-  std::size_t count = 0, hits = 0;
-  double total = 0, top = 0, sort = 0, build = 0, cast = 0;  ///< milliseconds
-  double built = 0, leaves = 0, pairs = 0;
+  RayQuery query = RayQuery::kNearest;
+  std::vector<Ray> set;
+  std::size_t hits = 0;
+  double cold = 0, warm = 0, kept = 0, twin = 0, cold_ratio = 0, warm_ratio = 0;
+  ProxyStats phases;  ///< of a cold cast
+  double ns(double milliseconds) const {
+    return milliseconds * 1e6 / static_cast<double>(std::max<std::size_t>(1, set.size()));
+  }
 };
 
-template <class Tracer>
-std::vector<Hit> cast(const Tracer& tracer, const std::vector<Ray>& rays, RayQuery query, Row& row,
-                      const std::function<void()>& before, int repetitions) {
-  const Buffer<Ray> ray_buffer(tracer.device, rays);
-  const Buffer<Hit> hits(tracer.device, rays.size());
-  std::vector<double> seconds;
+/// Casts the row's rays, again and again, and returns the hits.
+std::vector<Hit> measure_row(const ProxyTracer& tracer, const std::optional<ExactTracer>& twin, int repetitions, Row& row) {
+  const Device& device = tracer.device;
+  const Buffer<Ray> rays(device, row.set);
+  const Buffer<Hit> hits(device, row.set.size());
+  const auto time = [&](const auto& with) {
+    return 1e3 * seconds_of(device, [&] { trace_rays(with, rays, hits, row.set.size(), row.query); });
+  };
+  std::vector<double> cold, warm, exact, cold_ratios, warm_ratios;
   for (int i = 0; i < repetitions; ++i) {
-    before();
-    seconds.push_back(seconds_of(
-        tracer.device, [&] { trace_rays(tracer, ray_buffer, hits, rays.size(), query); }));
+    clear_cache(tracer);
+    cold.push_back(time(tracer));
+    warm.push_back(time(tracer));
+    if (!twin) continue;
+    exact.push_back(time(*twin));
+    cold_ratios.push_back(cold.back() / exact.back());
+    warm_ratios.push_back(warm.back() / exact.back());
   }
-  row.count = rays.size();
-  row.total = median(seconds) * 1e3;
+  clear_cache(tracer);
+  stats(tracer) = {};
+  stats(tracer).timed = true;  // waits between phases, so apart
+  time(tracer);
+  row.phases = stats(tracer);
+  stats(tracer).timed = false;
+  row.cold = median(cold);
+  row.warm = median(warm);
+  if (twin) {
+    row.twin = median(exact);
+    row.cold_ratio = median(cold_ratios);
+    row.warm_ratio = median(warm_ratios);
+  }
   std::vector<Hit> found = hits.read();
   for (const Hit& hit : found) row.hits += hit.leaf != RBVH_NO_LEAF;
   return found;
 }
 
-using CastRays = std::function<std::vector<Hit>(const std::vector<Ray>&, RayQuery, Row&)>;
-
 /// Primary rays, shadow rays to the sky, and bounces.
-std::vector<Row> cast_all(const CameraRays& camera, float offset, int bounces, const CastRays& cast_rays) {
+std::vector<Row> measure_rows(const ProxyTracer& tracer, const std::optional<ExactTracer>& twin,
+                              const CameraRays& camera, float offset, const Options& options) {
   std::vector<Row> rows;
-  std::vector<Ray> rays = primary_rays(camera);
-  rows.push_back({"primary"});
-  std::vector<Hit> hits = cast_rays(rays, RayQuery::kNearest, rows.back());
-  rows.push_back({"shadow"});
-  cast_rays(diffuse_rays(rays, hits, offset, 77), RayQuery::kAny, rows.back());
-  for (int bounce = 1; bounce <= bounces; ++bounce) {
-    rays = diffuse_rays(rays, hits, offset, static_cast<std::uint32_t>(bounce));
+  const auto add = [&](const std::string& name, RayQuery query, std::vector<Ray> rays) {
+    rows.emplace_back();
+    rows.back().rays = name;
+    rows.back().query = query;
+    rows.back().set = std::move(rays);
+  };
+  add("primary", RayQuery::kNearest, primary_rays(camera));
+  std::vector<Hit> hits = measure_row(tracer, twin, options.repetitions, rows.back());
+  add("shadow", RayQuery::kAny, diffuse_rays(rows[0].set, hits, offset, 77));
+  measure_row(tracer, twin, options.repetitions, rows.back());
+  std::vector<Ray> before = rows[0].set;
+  for (int bounce = 1; bounce <= options.bounces; ++bounce) {
+    std::vector<Ray> rays = diffuse_rays(before, hits, offset, static_cast<std::uint32_t>(bounce));
     if (rays.empty()) break;
-    rows.push_back({"bounce " + std::to_string(bounce)});
-    hits = cast_rays(rays, RayQuery::kNearest, rows.back());
+    before = rays;
+    add("bounce " + std::to_string(bounce), RayQuery::kNearest, std::move(rays));
+    hits = measure_row(tracer, twin, options.repetitions, rows.back());
+  }
+  clear_cache(tracer);
+  for (Row& row : rows) {
+    const Buffer<Ray> rays(tracer.device, row.set);
+    const Buffer<Hit> found(tracer.device, row.set.size());
+    row.kept = 1e3 * seconds_of(tracer.device, [&] { trace_rays(tracer, rays, found, row.set.size(), row.query); });
   }
   return rows;
 }
 
-double ns_per_ray(const Row& row) { return row.total * 1e6 / static_cast<double>(std::max<std::size_t>(1, row.count)); }
-
-void print_rows(const std::vector<Row>& rows, const std::vector<Row>& twin) {
-  std::printf("| Rays | count | top, middle [ms] | sort | build | patches | total | ns a ray | pairs a ray | built | leaves | twin [ms] | twin ns a ray | direct / twin |\n"
-              "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& r = rows[i];
-    std::printf("| %s | %zu | %.1f | %.1f | %.1f | %.1f | %.1f | %.0f | %.2f | %.0f | %.0f |", r.rays.c_str(), r.count, r.top, r.sort,
-                r.build, r.cast, r.total, ns_per_ray(r), r.pairs / static_cast<double>(std::max<std::size_t>(1, r.count)), r.built, r.leaves);
-    if (i < twin.size())
-      std::printf(" %.1f | %.0f | %.2f |\n", twin[i].total, ns_per_ray(twin[i]), ns_per_ray(r) / ns_per_ray(twin[i]));
-    else
-      std::printf(" - | - | - |\n");
-  }
+void print_rows(const std::vector<Row>& rows) {
+  std::printf(
+      "| Rays | count | top, middle [ms] | sort | build | patches | all, nothing built | built by casts before | all "
+      "built | ns a ray | twin [ms] | nothing built / twin | all built / twin |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+  for (const Row& r : rows)
+    std::printf("| %s | %zu | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.0f | %.1f | %.2f | %.2f |\n",
+                r.rays.c_str(), r.set.size(), r.phases.top * 1e3, r.phases.sort * 1e3, r.phases.build * 1e3,
+                r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.twin, r.cold_ratio, r.warm_ratio);
   std::fflush(stdout);
 }
 
@@ -236,49 +267,15 @@ void measure(const Device& device, const Options& options, const std::string& na
               twin_bytes * 1e-6, twin_bytes / scene.triangles, static_cast<double>(memory.base) * 1e-6,
               static_cast<double>(memory.maps) * 1e-6, static_cast<double>(memory.cache) * 1e-6);
 
-  const auto direct = [&](bool keep) {
-    return [&tracer, &options, keep](const std::vector<Ray>& rays, RayQuery query, Row& row) {
-      const auto forget = [&] {
-        if (!keep) clear_cache(tracer);
-      };
-      stats(tracer) = {};
-      std::vector<Hit> hits = cast(tracer, rays, query, row, forget, keep ? 1 : options.repetitions);
-      // Again by phase: waiting between them costs a little.
-      Row timed;
-      if (!keep) {
-        forget();
-        stats(tracer) = {};
-        stats(tracer).timed = true;
-        cast(tracer, rays, query, timed, forget, 1);
-        const ProxyStats& s = stats(tracer);
-        row.top = s.top * 1e3, row.sort = s.sort * 1e3, row.build = s.build * 1e3, row.cast = s.cast * 1e3;
-      }
-      row.pairs = static_cast<double>(stats(tracer).pairs);
-      row.built = static_cast<double>(stats(tracer).built);
-      row.leaves = static_cast<double>(stats(tracer).built_leaves);
-      stats(tracer).timed = false;
-      return hits;
-    };
-  };
-  std::vector<Row> twin_rows;
-  if (twin)
-    twin_rows = cast_all(camera, offset, options.bounces, [&](const std::vector<Ray>& rays, RayQuery query, Row& row) {
-      return cast(*twin, rays, query, row, [] {}, options.repetitions);
-    });
-  cast_all(make_camera(box, 64), offset, 1, direct(false));  // compiles
-  std::printf("Nothing kept, each cast builds what it needs:\n\n");
-  const std::vector<Row> cold = cast_all(camera, offset, options.bounces, direct(false));
-  print_rows(cold, twin_rows);
-  clear_cache(tracer);
-  std::printf("\nWith the cache, from an empty one on:\n\n");
-  print_rows(cast_all(camera, offset, options.bounces, direct(true)), twin_rows);
-  std::printf("\nThe next frame:\n\n");
-  const std::vector<Row> warm = cast_all(camera, offset, options.bounces, direct(true));
-  print_rows(warm, twin_rows);
-  if (warm.size() > 6)
-    std::printf("\na ray at bounce 5 costs %.2f of one at bounce 1; in the cache: %.1f MB\n", ns_per_ray(warm[6]) / ns_per_ray(warm[2]),
+  Options quick = options;
+  quick.repetitions = 1;
+  measure_rows(tracer, twin, make_camera(box, 64), offset, quick);  // compiles
+  const std::vector<Row> rows = measure_rows(tracer, twin, camera, offset, options);
+  print_rows(rows);
+  if (rows.size() > 6)
+    std::printf("\na ray at bounce 5 costs %.2f of one at bounce 1, after the casts before it %.2f; in the cache: %.1f MB\n",
+                rows[6].ns(rows[6].warm) / rows[2].ns(rows[2].warm), rows[6].ns(rows[6].kept) / rows[2].ns(rows[2].kept),
                 static_cast<double>(bytes(tracer).cached) * 1e-6);
-
 }
 
 // Many patches, so that few rays a patch are still many rays.
