@@ -70,13 +70,15 @@ SceneObject load_proxy_object(Context& context, const std::string& path, std::op
 SceneObject load_object(Context& context, const SceneFile::Object& file, std::optional<std::uint32_t> most) {
   const bool is_pair = is_rbvh(file.path);
   if (!file.level.empty() && !is_pair)
-    throw Error(ExitCode::kInput, file.path, "object \"" + file.name + "\" names a level, and this is no pair");
+    throw Error(ExitCode::kInput, file.path,
+                "object \"" + file.name + "\" names a level, and this is no pair");
   SceneObject object;
   if (is_pair) {
     Rbvh rbvh = load_pair(context, file.path);
     const Level* level = rbvh.find_level(file.level);
     if (level == nullptr)
-      throw Error(ExitCode::kInput, file.path, "there is no level '" + file.level + "' for object \"" + file.name + "\"");
+      throw Error(ExitCode::kInput, file.path,
+                  "there is no level '" + file.level + "' for object \"" + file.name + "\"");
     object.bounds = rbvh.source.bounds;
     object.content = std::move(rbvh.levels[static_cast<std::size_t>(level - rbvh.levels.data())]);
   } else if (is_proxy(file.path)) {
@@ -94,7 +96,8 @@ Scene load_scene(Context& context, const std::string& path, std::optional<std::u
   const SceneFile file = read_scene(path);
   Scene scene;
   scene.z_is_up = file.z_is_up;
-  for (const SceneFile::Object& object : file.objects) scene.objects.push_back(load_object(context, object, most));
+  for (const SceneFile::Object& object : file.objects)
+    scene.objects.push_back(load_object(context, object, most));
   for (const SceneFile::Instance& instance : file.instances)
     scene.instances.push_back({static_cast<std::uint32_t>(instance.object), instance.to_world});
   return scene;
@@ -258,7 +261,8 @@ void add_proxy_options(CLI::App& stage, SceneConfig& config, bool pictures) {
           "--detail",
           [&config](const std::string& text) {
             config.pixels = parse_number(text);
-            if (!(config.pixels > 0)) throw Error(ExitCode::kUsage, "", "--detail: '" + text + "' is not above 0");
+            if (!(config.pixels > 0))
+              throw Error(ExitCode::kUsage, "", "--detail: '" + text + "' is not above 0");
           },
           "pixels that a proxy's micro-quads may measure (default: 1)")
       ->type_name("PIXELS");
@@ -270,10 +274,14 @@ void report_proxies(Context& context, const Caster& caster) {
   if (tracer == nullptr) return;
   const ProxyStats& s = stats(*tracer);
   const ProxyBytes b = bytes(*tracer);
-  context.report["proxies"] = {{"pairs", s.pairs},         {"patches_built", s.built},
-                               {"micro_quads_built", s.built_leaves}, {"patches_evicted", s.evicted},
-                               {"base_bytes", b.base},     {"map_bytes", b.maps},
-                               {"cache_bytes", b.cache},   {"cached_bytes", b.cached}};
+  context.report["proxies"] = {{"pairs", s.pairs},
+                               {"patches_built", s.built},
+                               {"micro_quads_built", s.built_leaves},
+                               {"patches_evicted", s.evicted},
+                               {"base_bytes", b.base},
+                               {"map_bytes", b.maps},
+                               {"cache_bytes", b.cache},
+                               {"cached_bytes", b.cached}};
 }
 
 void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {

@@ -1,5 +1,5 @@
-// What rays are cast at: a level of an .rbvh pair; a scan of any ingest format, uncleaned, as exact triangles or
-// discs; a proxy; or a scene of all of these.
+// What rays are cast at: a level of an .rbvh pair; a scan of any ingest format, uncleaned, as exact triangles
+// or discs; a proxy; or a scene of all of these.
 #pragma once
 
 #include <optional>
@@ -20,7 +20,7 @@ namespace rbvh {
 
 struct Subject {
   std::string path;
-  std::string name;  ///< without folders and extension
+  std::string name;                         ///< without folders and extension
   std::variant<Rbvh, Scan, Scene> content;  ///< a proxy is a scene of one object
   Bounds3f bounds;
   bool is_cloud = false;
@@ -36,17 +36,16 @@ struct Subject {
 /// True for a file that starts as an .rbvh does, or is named as one.
 bool is_rbvh(const std::string& path);
 
-/// Reads a pair, a scan ("-": from standard input), a proxy or a scene and all its objects. A cloud gets the normals
-/// and radii that it lacks. `tessellate`: proxies become triangles, up to 2^tessellate micro-quads a side of a patch.
-/// Throws Error(kInput), also where nothing finite is left or all points are equal.
+/// Reads a pair, a scan ("-": from standard input), a proxy or a scene and all its objects. A cloud gets the
+/// normals and radii that it lacks. `tessellate`: proxies become triangles, up to 2^tessellate micro-quads a
+/// side of a patch. Throws Error(kInput), also where nothing finite is left or all points are equal.
 Subject load_subject(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate = {});
 
 /// Reads a scan as load_subject() does.
 Scan load_exact_scan(Context& context, const std::string& path);
 
-/// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact"; for proxies
-/// and scenes: "scene".
-/// Throws Error(kUsage) for a level that is not there.
+/// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact";
+/// for proxies and scenes: "scene". Throws Error(kUsage) for a level that is not there.
 std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted);
 
 /// Throws Error(kInput) where leaves or primitives are more than a float32 can number, as trace and `leaf`

@@ -17,9 +17,9 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr std::size_t kMostDepth = 64;        // of nested groups, and of JSON
-constexpr double kLeastDeterminant = 1e-12;   // of a transform, over its rows' lengths
-constexpr double kLargest = 1e18;             // coordinate
+constexpr std::size_t kMostDepth = 64;       // of nested groups, and of JSON
+constexpr double kLeastDeterminant = 1e-12;  // of a transform, over its rows' lengths
+constexpr double kLargest = 1e18;            // coordinate
 
 class Reader {
  public:
@@ -96,7 +96,8 @@ class Reader {
   }
 
   std::vector<double> numbers_of(const Json& json, const std::string& where, std::size_t count) const {
-    if (!json.is_array() || json.size() != count) refuse(where, "is not " + std::to_string(count) + " numbers");
+    if (!json.is_array() || json.size() != count)
+      refuse(where, "is not " + std::to_string(count) + " numbers");
     std::vector<double> values;
     for (const Json& value : json) values.push_back(number_of(value, where));
     return values;
@@ -108,7 +109,8 @@ class Reader {
       const std::string where = "object \"" + name + "\"";
       if (!object.is_object()) refuse(where, "is no JSON object");
       check_words(object, where, {"file", "level", "group"});
-      if (object.contains("file") == object.contains("group")) refuse(where, "wants either \"file\" or \"group\"");
+      if (object.contains("file") == object.contains("group"))
+        refuse(where, "wants either \"file\" or \"group\"");
       if (object.contains("group")) {
         if (object.contains("level")) refuse(where, "is a group: \"level\" is for the files in it");
         groups_[name] = &groups_json_.emplace_back(object["group"]);
@@ -141,8 +143,10 @@ class Reader {
       const Json& scale = json["scale"];
       const std::string what = where + ": \"scale\"";
       std::vector<double> s(3, 1);
-      if (scale.is_array()) s = numbers_of(scale, what, 3);
-      else std::fill(s.begin(), s.end(), number_of(scale, what));
+      if (scale.is_array())
+        s = numbers_of(scale, what, 3);
+      else
+        std::fill(s.begin(), s.end(), number_of(scale, what));
       for (std::size_t axis = 0; axis < 3; ++axis) a.m[5 * axis] = s[axis];
     }
     if (json.contains("rotate")) {
@@ -150,7 +154,8 @@ class Reader {
       const std::string what = where + ": \"rotate\"";
       if (!rotate.is_object()) refuse(what, "wants \"axis\" and \"degrees\"");
       check_words(rotate, what, {"axis", "degrees"});
-      if (!rotate.contains("axis") || !rotate.contains("degrees")) refuse(what, "wants \"axis\" and \"degrees\"");
+      if (!rotate.contains("axis") || !rotate.contains("degrees"))
+        refuse(what, "wants \"axis\" and \"degrees\"");
       const std::vector<double> v = numbers_of(rotate["axis"], what, 3);
       const Vec3d axis = normalized(Vec3d{v[0], v[1], v[2]});
       if (!(length(axis) > 0.5)) refuse(what, "has an axis without direction");
@@ -174,8 +179,9 @@ class Reader {
     }
     const double x = axis.x, y = axis.y, z = axis.z, d = 1 - c;
     Affine a;
-    a.m = {c + x * x * d, x * y * d - z * s, x * z * d + y * s, 0, y * x * d + z * s, c + y * y * d,
-           y * z * d - x * s, 0, z * x * d - y * s, z * y * d + x * s, c + z * z * d, 0};
+    a.m = {c + x * x * d,     x * y * d - z * s, x * z * d + y * s, 0,
+           y * x * d + z * s, c + y * y * d,     y * z * d - x * s, 0,
+           z * x * d - y * s, z * y * d + x * s, c + z * z * d,     0};
     return a;
   }
 
@@ -184,7 +190,8 @@ class Reader {
     bool sane = a.is_finite();
     for (std::size_t row = 0; row < 3; ++row) {
       rows *= length(Vec3d{a.m[4 * row], a.m[4 * row + 1], a.m[4 * row + 2]});
-      for (std::size_t column = 0; column < 4; ++column) sane = sane && std::abs(a.m[4 * row + column]) <= kLargest;
+      for (std::size_t column = 0; column < 4; ++column)
+        sane = sane && std::abs(a.m[4 * row + column]) <= kLargest;
     }
     if (!sane) refuse(where, "has a transform beyond all numbers");
     if (!(std::abs(a.determinant()) > kLeastDeterminant * rows) || !(rows > 1e-30))
@@ -212,8 +219,10 @@ class Reader {
       if (!json.contains("object")) refuse(which, "does not say which \"object\"");
       const std::string name = text_of(json["object"], which + ": \"object\"");
       transform_of(json, which);
-      if (groups_.contains(name)) check_group(name);
-      else if (!files_.contains(name)) refuse(which, "places \"" + name + "\", which is no object of the scene");
+      if (groups_.contains(name))
+        check_group(name);
+      else if (!files_.contains(name))
+        refuse(which, "places \"" + name + "\", which is no object of the scene");
     }
   }
 
@@ -238,8 +247,9 @@ class Reader {
   std::map<std::string, std::size_t> files_;
   std::map<std::string, const Json*> groups_;
   std::deque<Json> groups_json_;
-  std::set<std::string> open_, checked_;  ///< groups on the way to the one that is checked, and those that are done
-  std::size_t placed_ = 0;                ///< groups too
+  std::set<std::string> open_,
+      checked_;             ///< groups on the way to the one that is checked, and those that are done
+  std::size_t placed_ = 0;  ///< groups too
 };
 
 }  // namespace

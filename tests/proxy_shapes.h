@@ -1,5 +1,6 @@
-// Procedural proxies. Displacement is a function of the base point alone, and base points on a shared edge are the same
-// to the last bit, so that any quad mesh without hanging vertices gives a surface without cracks.
+// Procedural proxies. Displacement is a function of the base point alone, and base points on a shared edge
+// are the same to the last bit, so that any quad mesh without hanging vertices gives a surface without
+// cracks.
 #pragma once
 
 #include <algorithm>
@@ -21,8 +22,8 @@ struct QuadMesh {
 };
 
 /// n x m quads over [0,1]^2, mapped by `place`. Rings close where `wraps`: the last column is the first one.
-inline QuadMesh quad_sheet(std::uint32_t n, std::uint32_t m, const std::function<Vec3f(float s, float t)>& place,
-                           bool wraps = false) {
+inline QuadMesh quad_sheet(std::uint32_t n, std::uint32_t m,
+                           const std::function<Vec3f(float s, float t)>& place, bool wraps = false) {
   QuadMesh mesh;
   const std::uint32_t columns = wraps ? n : n + 1;
   for (std::uint32_t j = 0; j <= m; ++j)
@@ -79,8 +80,8 @@ inline Proxy displaced(const QuadMesh& mesh, std::span<const std::uint32_t> leve
   const auto level = [&](std::size_t quad) { return levels.size() == 1 ? levels[0] : levels[quad]; };
   std::uint32_t largest = 0;
   for (std::size_t q = 0; q < mesh.quads.size(); ++q) largest = std::max(largest, (1u << level(q)) + 1);
-  const auto columns = static_cast<std::uint32_t>(
-      std::clamp<std::size_t>(mesh.quads.size(), 1, std::max(1u, 8192 / largest)));
+  const auto columns =
+      static_cast<std::uint32_t>(std::clamp<std::size_t>(mesh.quads.size(), 1, std::max(1u, 8192 / largest)));
   const auto rows = static_cast<std::uint32_t>((mesh.quads.size() + columns - 1) / columns);
   proxy.map_width = columns * largest;
   proxy.map_height = rows * largest;
@@ -113,7 +114,8 @@ inline Vec3f ripples(Vec3f p, float frequency, int octaves) {
   float weight = 1;
   for (int octave = 0; octave < octaves; ++octave) {
     const float f = frequency * std::pow(2.0f, static_cast<float>(octave));
-    sum = sum + Vec3f{std::sin(f * p.y + 1.3f) * std::cos(f * p.z), std::sin(f * p.z + 2.1f) * std::cos(f * p.x),
+    sum = sum + Vec3f{std::sin(f * p.y + 1.3f) * std::cos(f * p.z),
+                      std::sin(f * p.z + 2.1f) * std::cos(f * p.x),
                       std::sin(f * p.x + 0.7f) * std::cos(f * p.y)} *
                     weight;
     weight *= 0.5f;

@@ -1,5 +1,5 @@
-// Which patch hierarchies are on the device, and where: a ring of bounded size in which the newest takes the place of
-// the oldest. Knows sizes and places only; the memory is the tracer's.
+// Which patch hierarchies are on the device, and where: a ring of bounded size in which the newest takes the
+// place of the oldest. Knows sizes and places only; the memory is the tracer's.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ class PatchCache {
     std::uint32_t patch, at, blocks;
   };
 
-  /// A place for `blocks`, or kNone where that would take one that `is_needed`. Those whose place it takes go to
-  /// `evicted`.
+  /// A place for `blocks`, or kNone where that would take one that `is_needed`. Those whose place it takes go
+  /// to `evicted`.
   std::uint32_t allocate(std::uint32_t patch, std::uint32_t blocks,
                          const std::function<bool(const Entry&)>& is_needed, std::vector<Entry>& evicted);
   static constexpr std::uint32_t kNone = 0xffffffffu;
@@ -35,7 +35,8 @@ class PatchCache {
  private:
   std::uint32_t capacity_ = 0, head_ = 0;
   std::uint64_t used_ = 0;
-  std::deque<Entry> entries_;  ///< oldest first; the oldest is the first at or after the head, around the ring
+  std::deque<Entry>
+      entries_;  ///< oldest first; the oldest is the first at or after the head, around the ring
 };
 
 }  // namespace rbvh

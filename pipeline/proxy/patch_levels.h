@@ -1,5 +1,5 @@
-// Which level of detail each patch of a proxy is shown at, and what its borders must be so that nothing cracks:
-// two patches that share an edge both give it the coarser one's level.
+// Which level of detail each patch of a proxy is shown at, and what its borders must be so that nothing
+// cracks: two patches that share an edge both give it the coarser one's level.
 #pragma once
 
 #include <array>
@@ -21,8 +21,8 @@ struct PatchLevel {
 /// The level of a tile: log2(side - 1).
 std::uint32_t tile_level(const PatchTile& tile);
 
-/// Which edge of the mesh each border of each patch lies on. Edges are told by their ends' places, so a mesh that
-/// repeats vertices along its UV seams is still one surface.
+/// Which edge of the mesh each border of each patch lies on. Edges are told by their ends' places, so a mesh
+/// that repeats vertices along its UV seams is still one surface.
 struct PatchEdges {
   std::vector<std::array<std::uint32_t, 4>> of_patch;
   std::uint32_t count = 0;

@@ -78,8 +78,8 @@ Scan tessellate(const Proxy& proxy, std::span<const PatchLevel> levels, std::vec
         if (place_of(levels[p], corners[k].i, corners[k].j) ==
             place_of(levels[p], corners[(k + 1) % 3].i, corners[(k + 1) % 3].j))
           return;
-      mesh.triangles.push_back(
-          {index(corners[0].i, corners[0].j), index(corners[1].i, corners[1].j), index(corners[2].i, corners[2].j)});
+      mesh.triangles.push_back({index(corners[0].i, corners[0].j), index(corners[1].i, corners[1].j),
+                                index(corners[2].i, corners[2].j)});
       if (patches) patches->push_back(static_cast<std::uint32_t>(p));
     };
     for (std::uint32_t j = 0; j < n; ++j)

@@ -17,14 +17,14 @@
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kBatch = std::size_t{1} << 20;    // rays whose pairs are in memory at once
+constexpr std::size_t kBatch = std::size_t{1} << 20;  // rays whose pairs are in memory at once
 constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
-constexpr std::uint32_t kJobRays = 2048;                // of one patch: more are several jobs
-constexpr std::uint32_t kLeastLevel = 2;                // 16 micro-quads cost as much as one
-constexpr std::uint32_t kLeastUnbuiltLevel = 4;         // coarser ones are built as fast as met
+constexpr std::uint32_t kJobRays = 2048;         // of one patch: more are several jobs
+constexpr std::uint32_t kLeastLevel = 2;         // 16 micro-quads cost as much as one
+constexpr std::uint32_t kLeastUnbuiltLevel = 4;  // coarser ones are built as fast as met
 constexpr std::size_t kGpuGroup = 64, kRayGroup = 64;
 constexpr std::uint32_t kCpuGroupsPerUnit = 4;
-constexpr std::uint32_t kScouts = 16;                   // every so many-th ray is one
+constexpr std::uint32_t kScouts = 16;  // every so many-th ray is one
 
 std::uint32_t block_count(std::uint32_t level) {
   return level == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * level) + 32) / 48);
@@ -173,7 +173,8 @@ void add_proxy(State& state, const Proxy& proxy) {
     const std::size_t texel =
         state.map_texels + std::size_t{proxy.tiles[i].y} * proxy.map_width + proxy.tiles[i].x;
     if (texel > std::numeric_limits<std::uint32_t>::max())
-      throw Error(ExitCode::kBudget, {}, "displacement maps of more than 2^32 texels; use fewer or smaller ones");
+      throw Error(ExitCode::kBudget, {},
+                  "displacement maps of more than 2^32 texels; use fewer or smaller ones");
     patch.texels = static_cast<std::uint32_t>(texel);
     patch.row = proxy.map_width;
     patch.level = tile_level(proxy.tiles[i]);
@@ -196,8 +197,10 @@ void match_slots(State& state) {
   for (std::size_t p = 0; p < state.slots.size(); ++p) {
     if (state.slots[p].at == PATCH_NOT_BUILT) continue;
     ++built;
-    if (state.built[p] == state.wanted[p]) ++kept;
-    else state.slots[p].at = PATCH_NOT_BUILT;
+    if (state.built[p] == state.wanted[p])
+      ++kept;
+    else
+      state.slots[p].at = PATCH_NOT_BUILT;
   }
   state.slots_changed = true;
   state.expects_misses = state.expects_misses || kept < built;
@@ -233,8 +236,8 @@ void grow_scratch(const Device& device, State& state, std::size_t rays) {
 /// One cast of a batch.
 class Cast {
  public:
-  Cast(const Device& device, State& state, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t first,
-       std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps)
+  Cast(const Device& device, State& state, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+       std::size_t first, std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps)
       : device_(device),
         state_(state),
         rays_(rays),
@@ -267,8 +270,8 @@ class Cast {
              static_cast<std::uint32_t>(count_), stride, keep_hits ? 1u : 0u, steps_);
   }
 
-  /// A few of the rays look which patches come first; those are built before the others come, which then need not be
-  /// gathered.
+  /// A few of the rays look which patches come first; those are built before the others come, which then need
+  /// not be gathered.
   void scout(std::uint32_t count) {
     PhaseWatch watch(device_, state_.stats.timed);
     const std::uint32_t pairs = cast_top(state_.active[0], count, 1, false);
@@ -287,20 +290,22 @@ class Cast {
   }
 
   const PatchInstance& instance_of(std::uint32_t pair) const {
-    return *(std::upper_bound(state_.instances.begin(), state_.instances.end(), pair,
-                              [](std::uint32_t p, const PatchInstance& placed) { return p < placed.first_pair; }) -
-             1);
+    return *(
+        std::upper_bound(state_.instances.begin(), state_.instances.end(), pair,
+                         [](std::uint32_t p, const PatchInstance& placed) { return p < placed.first_pair; }) -
+        1);
   }
 
   /// Returns the number of pairs.
-  std::uint32_t cast_top(const Buffer<std::uint32_t>& list, std::uint32_t active, std::uint32_t most, bool at_once) {
+  std::uint32_t cast_top(const Buffer<std::uint32_t>& list, std::uint32_t active, std::uint32_t most,
+                         bool at_once) {
     upload_slots(state_);
     state_.counts.fill(0);
     device_.kernel("trace_proxy", "cast_top", state_.options)
         .run(active, kRayGroup, state_.nodes, state_.top, state_.device_instances, state_.device_patches,
-             state_.device_parts, state_.device_slots, state_.cache_memory, state_.links, rays_, list, active, any_,
-             at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys, state_.pair_rays,
-             state_.pair_places, state_.pair_ranges, state_.counts, steps_);
+             state_.device_parts, state_.device_slots, state_.cache_memory, state_.links, rays_, list, active,
+             any_, at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys,
+             state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.counts, steps_);
     std::uint32_t pairs = 0;
     state_.counts.read(std::span(&pairs, 1));
     return pairs;
@@ -345,8 +350,9 @@ class Cast {
     std::uint32_t first = 0;
     for (std::uint32_t instance = 0; instance < state_.instances.size(); ++instance) {
       const PatchInstance& placed = state_.instances[instance];
-      const std::uint32_t end = instance + 1 < state_.instances.size() ? state_.instances[instance + 1].first_pair
-                                                                       : state_.pair_numbers;
+      const std::uint32_t end = instance + 1 < state_.instances.size()
+                                    ? state_.instances[instance + 1].first_pair
+                                    : state_.pair_numbers;
       for (std::uint32_t pair = first; pair < end; ++pair) {
         if (offsets[pair] == offsets[pair + 1]) continue;
         const std::uint32_t patch = placed.first_patch + (pair - first);
@@ -359,11 +365,13 @@ class Cast {
             throw Error(ExitCode::kBudget, {},
                         "a patch of " + std::to_string(1u << state_.wanted[patch].level) +
                             " micro-quads a side needs " +
-                            std::to_string(std::size_t{slot_blocks(state_.wanted[patch].level)} * sizeof(PatchBlock)) +
+                            std::to_string(std::size_t{slot_blocks(state_.wanted[patch].level)} *
+                                           sizeof(PatchBlock)) +
                             " bytes, more than the patch cache has; make that larger");
         }
         if (!built) state_.stats.unbuilt_rays += rays;
-        const PatchSlot slot = built ? state_.slots[patch] : PatchSlot{PATCH_NOT_BUILT, state_.wanted[patch].level};
+        const PatchSlot slot =
+            built ? state_.slots[patch] : PatchSlot{PATCH_NOT_BUILT, state_.wanted[patch].level};
         for (std::uint32_t begin = offsets[pair]; begin < offsets[pair + 1]; begin += kJobRays)
           jobs_.push_back({begin, std::min(begin + kJobRays, offsets[pair + 1]), instance, patch, slot,
                            packed(state_.wanted[patch].edges), 0});
@@ -394,7 +402,8 @@ class Cast {
       const std::uint32_t blocks = slot_blocks(level.level);
       const std::uint32_t at = state_.cache.allocate(
           patch, blocks,
-          [&](const PatchCache::Entry& e) { return needed_[e.patch] && state_.slots[e.patch].at == e.at; }, evicted_);
+          [&](const PatchCache::Entry& e) { return needed_[e.patch] && state_.slots[e.patch].at == e.at; },
+          evicted_);
       for (const PatchCache::Entry& e : evicted_) {
         if (state_.slots[e.patch].at != e.at) continue;
         state_.slots[e.patch].at = PATCH_NOT_BUILT;
@@ -419,8 +428,8 @@ class Cast {
       const Buffer<PatchBuild> builds(device_, builds_);
       queue_.fill(0);
       device_.kernel("build_patches", "build_patches", group_options(device_))
-          .run(queue_items(device_, builds_.size()), group_size(device_), state_.device_patches, state_.map, builds,
-               static_cast<std::uint32_t>(builds_.size()), queue_, state_.cache_memory);
+          .run(queue_items(device_, builds_.size()), group_size(device_), state_.device_patches, state_.map,
+               builds, static_cast<std::uint32_t>(builds_.size()), queue_, state_.cache_memory);
       state_.stats.build += watch.lap();
       builds_.clear();
     }
@@ -429,9 +438,10 @@ class Cast {
       queue_.fill(0);
       device_.kernel("trace_proxy", "cast_patches", state_.options)
           .run(queue_items(device_, jobs_.size()), group_size(device_), jobs,
-               static_cast<std::uint32_t>(jobs_.size()), queue_, state_.device_instances, state_.device_patches,
-               state_.device_parts, state_.map, state_.cache_memory, state_.links, state_.pair_places, state_.pair_rays, rays_, any_,
-               state_.ray_detail, hits_, state_.pair_hits, pair_steps_, state_.nearest);
+               static_cast<std::uint32_t>(jobs_.size()), queue_, state_.device_instances,
+               state_.device_patches, state_.device_parts, state_.map, state_.cache_memory, state_.links,
+               state_.pair_places, state_.pair_rays, rays_, any_, state_.ray_detail, hits_, state_.pair_hits,
+               pair_steps_, state_.nearest);
       state_.stats.jobs += jobs_.size();
       state_.stats.cast += watch.lap();
       jobs_.clear();
@@ -464,7 +474,8 @@ void trace(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>
   const bool scouts = state.config.at_once && state.expects_misses && !state.instances.empty();
   const std::uint64_t pairs_before = state.stats.pairs;
   for (std::size_t first = 0; first < count; first += kBatch)
-    Cast(device, state, rays, hits, first, std::min(kBatch, count - first), query, steps).run(keep_hits, scouts);
+    Cast(device, state, rays, hits, first, std::min(kBatch, count - first), query, steps)
+        .run(keep_hits, scouts);
   state.expects_misses = (state.stats.pairs - pairs_before) * kScouts > count;
 }
 
@@ -495,7 +506,8 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
     state.device_patches.read(state.patches);
   }
 
-  // Middle hierarchies over each proxy's patches, then the top one over the instances; the top one's nodes come first.
+  // Middle hierarchies over each proxy's patches, then the top one over the instances; the top one's nodes
+  // come first.
   std::vector<ExactNode> middle_nodes, top_nodes;
   std::uint32_t stack = 1;
   for (State::Part& part : state.parts) {
@@ -527,7 +539,8 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
       throw Error(ExitCode::kBudget, {}, "more than 2^32 patches in all instances; leave some out");
     state.pair_numbers += part.patches;
     state.instances.push_back(placed);
-    const Bounds3d box = {{placed.lo[0], placed.lo[1], placed.lo[2]}, {placed.hi[0], placed.hi[1], placed.hi[2]}};
+    const Bounds3d box = {{placed.lo[0], placed.lo[1], placed.lo[2]},
+                          {placed.hi[0], placed.hi[1], placed.hi[2]}};
     const Bounds3d image = transformed(instance.to_world, box);
     const double pad = 1e-6 * std::max(length(image.lo), length(image.hi));
     Bounds3f padded;
@@ -557,13 +570,14 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.unbuilt_rays.assign(count, 0);
   state.slots.assign(count, {PATCH_NOT_BUILT, 0});
   state.device_slots = {device, count};
-  state.cache =
-      PatchCache(static_cast<std::uint32_t>(std::min<std::size_t>(config.cache_bytes / sizeof(PatchBlock), 0xfffffff0u)));
+  state.cache = PatchCache(static_cast<std::uint32_t>(
+      std::min<std::size_t>(config.cache_bytes / sizeof(PatchBlock), 0xfffffff0u)));
   state.cache_memory = {device, state.cache.capacity()};
   state.counts = {device, 1};
   state.offsets = {device, std::size_t{state.pair_numbers} + 1};
   state.options = group_options(device) + " -DSTACK=" + std::to_string((stack + 63) / 64 * 64) +
-                  " -DMOST=" + std::to_string(state.config.pairs) + (state.config.atomics ? " -DATOMICS" : "");
+                  " -DMOST=" + std::to_string(state.config.pairs) +
+                  (state.config.atomics ? " -DATOMICS" : "");
   set_detail(tracer);
   return tracer;
 }
@@ -595,7 +609,8 @@ void set_detail(const ProxyTracer& tracer, const CameraRays& camera, double pixe
         const double gap = std::max({lo - at[axis], at[axis] - hi, 0.0});
         square += gap * gap;
       }
-      const double pieces = static_cast<double>(p.size) / (spread * std::sqrt(square)) * std::numbers::sqrt2 / 2;
+      const double pieces =
+          static_cast<double>(p.size) / (spread * std::sqrt(square)) * std::numbers::sqrt2 / 2;
       std::uint32_t level = std::min(kLeastLevel, p.level);
       while (level < p.level && !(static_cast<double>(1u << level) >= pieces)) ++level;
       std::uint32_t& wanted = levels[instance.first_patch + i];
@@ -624,8 +639,8 @@ std::vector<PatchLevel> levels_in_use(const ProxyTracer& tracer, std::uint32_t p
   return {first, first + part.patches};
 }
 
-void trace_rays(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps) {
+void trace_rays(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
   trace(tracer, rays, hits, count, query, steps, false);
 }
 

@@ -6,7 +6,8 @@
 namespace rbvh {
 
 std::size_t leaf_count(const SceneObject& object) {
-  if (const Scan* scan = object.scan()) return scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
+  if (const Scan* scan = object.scan())
+    return scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
   if (const Level* level = object.level()) return level->leaves.size();
   return object.proxy()->quads.size();
 }

@@ -1,4 +1,5 @@
-// Several objects at once: scans, levels of pairs, and proxies, each as often and wherever instances place it.
+// Several objects at once: scans, levels of pairs, and proxies, each as often and wherever instances place
+// it.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +37,8 @@ struct Scene {
 /// Primitives, tiles or patches.
 std::size_t leaf_count(const SceneObject& object);
 
-/// Where each instance's leaves start among all, and their number at the end. Throws Error(kBudget) beyond 2^32.
+/// Where each instance's leaves start among all, and their number at the end. Throws Error(kBudget) beyond
+/// 2^32.
 std::vector<std::uint32_t> first_leaves(const Scene& scene);
 
 /// Of all instances' boxes.

@@ -122,8 +122,10 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
       continue;
     }
     number.push_back(static_cast<std::uint32_t>(state.tracers.size()));
-    if (const Level* level = object.level()) state.tracers.emplace_back(make_rbvh_tracer(device, *level));
-    else state.tracers.emplace_back(make_exact_tracer(device, *object.scan(), config.exact));
+    if (const Level* level = object.level())
+      state.tracers.emplace_back(make_rbvh_tracer(device, *level));
+    else
+      state.tracers.emplace_back(make_exact_tracer(device, *object.scan(), config.exact));
   }
   std::vector<ProxyInstance> proxy_instances;
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
@@ -135,12 +137,13 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
       state.placed.push_back({number[instance.object], place(boxes[instance.object], instance, first[i])});
     }
   }
-  if (!proxy_instances.empty()) state.proxies = make_proxy_tracer(device, proxies, proxy_instances, config.proxy);
+  if (!proxy_instances.empty())
+    state.proxies = make_proxy_tracer(device, proxies, proxy_instances, config.proxy);
   return tracer;
 }
 
-void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps) {
+void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
   if (tracer.state->proxies) set_detail(*tracer.state->proxies);
   trace_with_levels(tracer, rays, hits, count, query, steps);
 }
@@ -160,7 +163,9 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
   std::vector<std::vector<std::size_t>> pixels(scene.instances.size());
   for (std::size_t i = 0; i < hits.size(); ++i)
     if (hits[i].leaf != RBVH_NO_LEAF)
-      pixels[static_cast<std::size_t>(std::upper_bound(first.begin(), first.end(), hits[i].leaf) - first.begin()) - 1]
+      pixels[static_cast<std::size_t>(std::upper_bound(first.begin(), first.end(), hits[i].leaf) -
+                                      first.begin()) -
+             1]
           .push_back(i);
   std::map<std::uint32_t, std::vector<Vec3f>> normals;  // by object, made when first needed
   SurfaceSamples all;
@@ -170,7 +175,8 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
     const SceneInstance& instance = scene.instances[k];
     const SceneObject& object = scene.objects[instance.object];
     if (object.proxy() != nullptr) {
-      for (const std::size_t i : pixels[k]) all.normals[i] = {hits[i].normal[0], hits[i].normal[1], hits[i].normal[2]};
+      for (const std::size_t i : pixels[k])
+        all.normals[i] = {hits[i].normal[0], hits[i].normal[1], hits[i].normal[2]};
       continue;
     }
     const Affine to_object = inverse(instance.to_world);

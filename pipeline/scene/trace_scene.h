@@ -1,5 +1,5 @@
-// Ray casting a scene on the device: each instance's rays in its own space by the tracer of its kind, all proxies
-// together (their top hierarchy is over the instances). The nearest hit of all is kept.
+// Ray casting a scene on the device: each instance's rays in its own space by the tracer of its kind, all
+// proxies together (their top hierarchy is over the instances). The nearest hit of all is kept.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,8 @@ struct SceneConfig {
 
 struct SceneTracerState;
 
-/// A scene on the device. Cheap to copy; copies share the cache of patch hierarchies. Not to be used from several
-/// threads at once.
+/// A scene on the device. Cheap to copy; copies share the cache of patch hierarchies. Not to be used from
+/// several threads at once.
 struct SceneTracer {
   Device device;
   std::shared_ptr<SceneTracerState> state;
@@ -32,10 +32,10 @@ struct SceneTracer {
 /// Throws as the tracers of its objects do.
 SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const SceneConfig& config = {});
 
-/// As the other tracers' are. Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies are at
-/// their finest.
-void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
+/// As the other tracers' are. Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies
+/// are at their finest.
+void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
 
 /// Primary rays of a camera: hits row by row, proxies at that camera's detail.
 void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,

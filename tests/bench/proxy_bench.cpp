@@ -1,7 +1,8 @@
-// Measures ray tracing proxies untessellated beside their tessellated twins traced exactly: memory (table 1.1 of Harada,
-// "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU Pro 6), time by phase for primary, shadow and
-// bounced rays (figures 1.7, 1.9, 1.10), and time by rays a patch. The scenes are made here, after the source's four:
-// one pumpkin, one bark, seven barks, and a party of both. Writes figures down; passes and fails nothing.
+// Measures ray tracing proxies untessellated beside their tessellated twins traced exactly: memory (table 1.1
+// of Harada, "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU Pro 6), time by phase
+// for primary, shadow and bounced rays (figures 1.7, 1.9, 1.10), and time by rays a patch. The scenes are
+// made here, after the source's four: one pumpkin, one bark, seven barks, and a party of both. Writes figures
+// down; passes and fails nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -52,7 +53,8 @@ Vec3f bark(Vec3f p) {
   const float furrow = std::sin(14 * angle + 5 * wander + 3 * std::sin(3.7f * p.y));
   const float plates = std::tanh(3 * furrow) * (0.7f + 0.3f * std::sin(9 * p.y + 4 * furrow));
   const Vec3f out = {std::cos(angle), 0, std::sin(angle)}, around = {-std::sin(angle), 0, std::cos(angle)};
-  return out * (0.07f * plates) + around * (0.05f * std::cos(14 * angle + 5 * wander) * std::max(plates, 0.0f)) +
+  return out * (0.07f * plates) +
+         around * (0.05f * std::cos(14 * angle + 5 * wander) * std::max(plates, 0.0f)) +
          ripples(p, 25, 5) * 0.008f;
 }
 
@@ -70,7 +72,8 @@ Proxy make_bark() {
 void add_copy(Proxy& all, const Proxy& one, std::uint32_t map_row, Vec3f at) {
   const auto first = static_cast<std::uint32_t>(all.positions.size());
   for (const Vec3f& p : one.positions) all.positions.push_back(p + at);
-  for (const Quad& q : one.quads) all.quads.push_back({q[0] + first, q[1] + first, q[2] + first, q[3] + first});
+  for (const Quad& q : one.quads)
+    all.quads.push_back({q[0] + first, q[1] + first, q[2] + first, q[3] + first});
   for (PatchTile tile : one.tiles) {
     tile.y += map_row;
     all.tiles.push_back(tile);
@@ -114,8 +117,7 @@ BenchScene make_scene(const std::string& name) {
   } else {
     throw Error(ExitCode::kUsage, {}, "'" + name + "' is none of pumpkin, bark, barks, party");
   }
-  for (const PatchTile& tile : scene.proxy.tiles)
-    scene.triangles += 2.0 * (tile.side - 1) * (tile.side - 1);
+  for (const PatchTile& tile : scene.proxy.tiles) scene.triangles += 2.0 * (tile.side - 1) * (tile.side - 1);
   return scene;
 }
 
@@ -132,10 +134,11 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// --- rays -----------------------------------------------------------------------------------------------------------
+// --- rays
+// -----------------------------------------------------------------------------------------------------------
 
-/// One kind of rays: milliseconds with nothing built, with all built, with what the casts before it built, and of the
-/// twin; all on the same rays, in turn, as what slows one down for a while slows all.
+/// One kind of rays: milliseconds with nothing built, with all built, with what the casts before it built,
+/// and of the twin; all on the same rays, in turn, as what slows one down for a while slows all.
 struct Row {
   std::string rays;
   RayQuery query = RayQuery::kNearest;
@@ -149,7 +152,8 @@ struct Row {
 };
 
 /// Casts the row's rays, again and again, and returns the hits.
-std::vector<Hit> measure_row(const ProxyTracer& tracer, const std::optional<ExactTracer>& twin, int repetitions, Row& row) {
+std::vector<Hit> measure_row(const ProxyTracer& tracer, const std::optional<ExactTracer>& twin,
+                             int repetitions, Row& row) {
   const Device& device = tracer.device;
   const Buffer<Ray> rays(device, row.set);
   const Buffer<Hit> hits(device, row.set.size());
@@ -210,20 +214,23 @@ std::vector<Row> measure_rows(const ProxyTracer& tracer, const std::optional<Exa
   for (Row& row : rows) {
     const Buffer<Ray> rays(tracer.device, row.set);
     const Buffer<Hit> found(tracer.device, row.set.size());
-    row.kept = 1e3 * seconds_of(tracer.device, [&] { trace_rays(tracer, rays, found, row.set.size(), row.query); });
+    row.kept =
+        1e3 * seconds_of(tracer.device, [&] { trace_rays(tracer, rays, found, row.set.size(), row.query); });
   }
   return rows;
 }
 
 void print_rows(const std::vector<Row>& rows) {
   std::printf(
-      "| Rays | count | top, middle [ms] | sort | build | patches | all, nothing built | built by casts before | all "
+      "| Rays | count | top, middle [ms] | sort | build | patches | all, nothing built | built by casts "
+      "before | all "
       "built | ns a ray | twin [ms] | nothing built / twin | all built / twin |\n"
       "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
   for (const Row& r : rows)
     std::printf("| %s | %zu | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.0f | %.1f | %.2f | %.2f |\n",
                 r.rays.c_str(), r.set.size(), r.phases.top * 1e3, r.phases.sort * 1e3, r.phases.build * 1e3,
-                r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.twin, r.cold_ratio, r.warm_ratio);
+                r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.twin, r.cold_ratio,
+                r.warm_ratio);
   std::fflush(stdout);
 }
 
@@ -256,16 +263,19 @@ void measure(const Device& device, const Options& options, const std::string& na
   if (estimate < static_cast<double>(options.twin_mb) * 1e6) {
     twin_seconds = seconds_of(device, [&] {
       const Scan mesh = tessellate(scene.proxy, kLevel);
-      twin_bytes = static_cast<double>(mesh.positions.size() * sizeof(Vec3f) + mesh.triangles.size() * sizeof(Triangle));
+      twin_bytes = static_cast<double>(mesh.positions.size() * sizeof(Vec3f) +
+                                       mesh.triangles.size() * sizeof(Triangle));
       twin = make_exact_tracer(device, mesh);
     });
     twin_bytes += static_cast<double>(twin->bytes());
   }
-  std::printf("\n## %s: %zu patches, %.1f M triangles tessellated; prepared in %.2f s (twin: %.1f s)\n\n", name.c_str(),
-              scene.proxy.quads.size(), scene.triangles * 1e-6, prepare, twin_seconds);
-  std::printf("tessellated %.1f MB (%.1f bytes a triangle), direct %.3f MB without maps, %.1f MB maps; cache limit %.0f MB\n\n",
-              twin_bytes * 1e-6, twin_bytes / scene.triangles, static_cast<double>(memory.base) * 1e-6,
-              static_cast<double>(memory.maps) * 1e-6, static_cast<double>(memory.cache) * 1e-6);
+  std::printf("\n## %s: %zu patches, %.1f M triangles tessellated; prepared in %.2f s (twin: %.1f s)\n\n",
+              name.c_str(), scene.proxy.quads.size(), scene.triangles * 1e-6, prepare, twin_seconds);
+  std::printf(
+      "tessellated %.1f MB (%.1f bytes a triangle), direct %.3f MB without maps, %.1f MB maps; cache limit "
+      "%.0f MB\n\n",
+      twin_bytes * 1e-6, twin_bytes / scene.triangles, static_cast<double>(memory.base) * 1e-6,
+      static_cast<double>(memory.maps) * 1e-6, static_cast<double>(memory.cache) * 1e-6);
 
   Options quick = options;
   quick.repetitions = 1;
@@ -273,9 +283,12 @@ void measure(const Device& device, const Options& options, const std::string& na
   const std::vector<Row> rows = measure_rows(tracer, twin, camera, offset, options);
   print_rows(rows);
   if (rows.size() > 6)
-    std::printf("\na ray at bounce 5 costs %.2f of one at bounce 1, after the casts before it %.2f; in the cache: %.1f MB\n",
-                rows[6].ns(rows[6].warm) / rows[2].ns(rows[2].warm), rows[6].ns(rows[6].kept) / rows[2].ns(rows[2].kept),
-                static_cast<double>(bytes(tracer).cached) * 1e-6);
+    std::printf(
+        "\na ray at bounce 5 costs %.2f of one at bounce 1, after the casts before it %.2f; in the cache: "
+        "%.1f MB\n",
+        rows[6].ns(rows[6].warm) / rows[2].ns(rows[2].warm),
+        rows[6].ns(rows[6].kept) / rows[2].ns(rows[2].kept),
+        static_cast<double>(bytes(tracer).cached) * 1e-6);
 }
 
 // Many patches, so that few rays a patch are still many rays.
@@ -290,7 +303,8 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
   const ExactTracer twin = make_exact_tracer(device, mesh);
   std::printf(
       "\n## By rays a patch: %zu patches, %.1f M triangles tessellated\n\n"
-      "| image | patches reached | rays a patch | top, sort, build, patches [ms] | direct, cold [ms] | direct, cached [ms] | twin [ms] | cold / twin | "
+      "| image | patches reached | rays a patch | top, sort, build, patches [ms] | direct, cold [ms] | "
+      "direct, cached [ms] | twin [ms] | cold / twin | "
       "cached / twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       proxy.quads.size(), static_cast<double>(mesh.triangles.size()) * 1e-6);
   for (const std::uint32_t resolution : {64u, 104u, 144u, 200u, 288u, 408u, 576u, 816u, 1152u, 1632u}) {
@@ -300,7 +314,8 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
     const Buffer<Ray> ray_buffer(device, rays);
     const Buffer<Hit> hits(device, rays.size());
     const auto time = [&](const auto& with) {
-      return 1e3 * seconds_of(device, [&] { trace_rays(with, ray_buffer, hits, rays.size(), RayQuery::kNearest); });
+      return 1e3 *
+             seconds_of(device, [&] { trace_rays(with, ray_buffer, hits, rays.size(), RayQuery::kNearest); });
     };
     std::vector<double> cold, cached, exact, cold_ratios, cached_ratios;
     time(twin);
@@ -326,10 +341,10 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       ++found;
     }
     const auto patches = std::max<std::ptrdiff_t>(1, std::count(reached.begin(), reached.end(), 1));
-    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f |\n", resolution, patches,
-                static_cast<double>(found) / static_cast<double>(patches), phases.top * 1e3,
-                phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold), median(cached), median(exact),
-                median(cold_ratios), median(cached_ratios));
+    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
+                resolution, patches, static_cast<double>(found) / static_cast<double>(patches),
+                phases.top * 1e3, phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold),
+                median(cached), median(exact), median(cold_ratios), median(cached_ratios));
     std::fflush(stdout);
   }
 }
@@ -342,7 +357,8 @@ int run(int argc, char** argv) {
   app.add_option("--repetitions", options.repetitions, "timed tracings of each kind")->capture_default_str();
   app.add_option("--bounces", options.bounces, "indirect bounces")->capture_default_str();
   app.add_option("--cache", options.cache_mb, "MB of patch hierarchies")->capture_default_str();
-  app.add_option("--twin", options.twin_mb, "MB that a twin may take; larger ones are not made")->capture_default_str();
+  app.add_option("--twin", options.twin_mb, "MB that a twin may take; larger ones are not made")
+      ->capture_default_str();
   app.add_flag("!--no-sweep", options.sweep, "leave out the table by rays a patch");
   CLI11_PARSE(app, argc, argv);
   if (options.scenes.empty()) options.scenes = {"pumpkin", "bark", "barks", "party"};

@@ -1,5 +1,5 @@
-// Proxies and scenes through the command line: pictures of every kind, tessellated twins, rays for scripts, and what is
-// refused.
+// Proxies and scenes through the command line: pictures of every kind, tessellated twins, rays for scripts,
+// and what is refused.
 #include "io/npy.h"
 #include "io/proxy_file.h"
 #include "pipeline/proxy/check_proxy.h"
@@ -15,7 +15,8 @@ class SceneCommand : public ToolTest {
   void SetUp() override {
     ToolTest::SetUp();
     const std::uint32_t level = 4;
-    Proxy proxy = displaced(quad_sphere(2), std::span(&level, 1), [](Vec3f p) { return mushrooms(p, 0.15f); });
+    Proxy proxy =
+        displaced(quad_sphere(2), std::span(&level, 1), [](Vec3f p) { return mushrooms(p, 0.15f); });
     measure_displacements(proxy);
     ASSERT_EQ(find_fault(proxy), std::nullopt);
     save_proxy(path("rock.obj"), proxy);
@@ -45,7 +46,8 @@ class SceneCommand : public ToolTest {
 TEST_F(SceneCommand, PicturesOfAllKinds) {
   build_pair();
   for (const char* aov : {"shaded", "normal", "leaf", "steps"}) {
-    const ToolRun run = tool(std::string("render s.json rock.obj -o '{name}-") + aov + ".png' -q --resolution 64,48 --aov " + aov);
+    const ToolRun run = tool(std::string("render s.json rock.obj -o '{name}-") + aov +
+                             ".png' -q --resolution 64,48 --aov " + aov);
     EXPECT_EQ(run.code, 0) << aov << run.err;
     EXPECT_TRUE(exists(std::string("s-") + aov + ".png"));
     EXPECT_TRUE(exists(std::string("rock-") + aov + ".png"));
@@ -61,7 +63,7 @@ TEST_F(SceneCommand, TheTessellatedTwinIsWhereTheProxyIs) {
   ASSERT_EQ(tool("render rock.obj -o twin.exr --tessellate 12" + words).code, 0);
   ASSERT_EQ(tool("render rock.obj -o coarse.exr --tessellate 1" + words).code, 0);
   const Picture direct = read_picture(path("direct.exr")), twin = read_picture(path("twin.exr")),
-              coarse = read_picture(path("coarse.exr"));
+                coarse = read_picture(path("coarse.exr"));
   EXPECT_GT(count_hits(direct), 2000u);
   std::size_t differing = 0, coarser = 0;
   for (std::size_t i = 0; i < direct.pixels.size(); ++i) {
@@ -106,12 +108,17 @@ TEST_F(SceneCommand, RaysForScripts) {
 TEST_F(SceneCommand, WhatIsWrongIsOneLine) {
   expect_refused("render s.json -o a.png", 3, "ball.rbvh");  // not built yet
   expect_refused("render gone.json -o a.png", 3, "gone.json");
-  write("bad.json", R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.ply"}}, "instances": [{"object": "b"}]})");
+  write("bad.json",
+        R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.ply"}}, "instances": [{"object": "b"}]})");
   expect_refused("render bad.json -o a.png", 3, "places \"b\"");
-  write("level.json", R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.ply", "level": "Q0"}}, "instances": [{"object": "a"}]})");
+  write(
+      "level.json",
+      R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.ply", "level": "Q0"}}, "instances": [{"object": "a"}]})");
   expect_refused("render level.json -o a.png", 3, "names a level");
   build_pair();
-  write("level.json", R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.rbvh", "level": "Q9"}}, "instances": [{"object": "a"}]})");
+  write(
+      "level.json",
+      R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.rbvh", "level": "Q9"}}, "instances": [{"object": "a"}]})");
   expect_refused("render level.json -o a.png", 3, "no level 'Q9'");
   expect_refused("render s.json -o a.png --compare wide16,bvh-stack", 2, "--compare is for scans");
   expect_refused("render rock.obj -o a.png --tessellate 13", 2, "--tessellate: '13'");

@@ -1,6 +1,6 @@
-// Proxies traced untessellated against their tessellated twins, ray by ray: the twin traced exactly, whose hits they
-// must have to the last bit, and brute force in double precision that shares no code with either. Closed proxies
-// let no ray out, whatever the levels of their patches; every way of tracing finds the same.
+// Proxies traced untessellated against their tessellated twins, ray by ray: the twin traced exactly, whose
+// hits they must have to the last bit, and brute force in double precision that shares no code with either.
+// Closed proxies let no ray out, whatever the levels of their patches; every way of tracing finds the same.
 #include "pipeline/proxy/trace_proxy.h"
 
 #include <gtest/gtest.h>
@@ -50,7 +50,8 @@ Twin make_twin(const Device& device, const Proxy& proxy, const std::vector<Patch
 }
 
 Proxy mushroom_ball(std::uint32_t n, std::vector<std::uint32_t> levels) {
-  return displaced(quad_sphere(n), levels, [](Vec3f p) { return mushrooms(p, 0.15f) + ripples(p, 20, 2) * 0.01f; });
+  return displaced(quad_sphere(n), levels,
+                   [](Vec3f p) { return mushrooms(p, 0.15f) + ripples(p, 20, 2) * 0.01f; });
 }
 
 /// A level of 0 to `most` for every quad of a sphere.
@@ -100,7 +101,8 @@ class TraceProxy : public testing::Test {
     EXPECT_LE(static_cast<double>(other_patch), most_on_borders * static_cast<double>(rays.size()));
   }
 
-  /// Brute force: every triangle of the twin in double precision. A ray within rounding of an edge is not judged.
+  /// Brute force: every triangle of the twin in double precision. A ray within rounding of an edge is not
+  /// judged.
   void expect_right(const Twin& twin, const std::vector<Ray>& rays, const std::vector<Hit>& hits) {
     std::size_t judged = 0;
     for (std::size_t r = 0; r < rays.size(); ++r) {
@@ -109,10 +111,12 @@ class TraceProxy : public testing::Test {
       double nearest = kInfinity;
       bool doubt = false;
       for (const Triangle& t : twin.mesh.triangles) {
-        const oracle::Meeting m = oracle::meet_triangle(point(twin.mesh.positions[t[0]]), point(twin.mesh.positions[t[1]]),
-                                                        point(twin.mesh.positions[t[2]]), o, d);
+        const oracle::Meeting m =
+            oracle::meet_triangle(point(twin.mesh.positions[t[0]]), point(twin.mesh.positions[t[1]]),
+                                  point(twin.mesh.positions[t[2]]), o, d);
         if (!m.crosses) continue;
-        doubt = doubt || (std::abs(m.inside) < 1e-3 && m.t > rays[r].tmin - 1e-3 && m.t < rays[r].tmax + 1e-3);
+        doubt =
+            doubt || (std::abs(m.inside) < 1e-3 && m.t > rays[r].tmin - 1e-3 && m.t < rays[r].tmax + 1e-3);
         if (m.inside >= 0 && m.t >= rays[r].tmin && m.t <= rays[r].tmax) nearest = std::min(nearest, m.t);
       }
       if (doubt) continue;
@@ -149,7 +153,8 @@ TEST_F(TraceProxy, HitsAreTheTwinsAtEveryLevel) {
     const Proxy proxy = mushroom_ball(level < 3 ? 6 : 3, {level});
     const ProxyTracer tracer = make_proxy_tracer(device, proxy);
     const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
-    const std::vector<Ray> rays = random_rays(random, twin.mesh, 2000), edges = exact_rays(random, twin.mesh, 500);
+    const std::vector<Ray> rays = random_rays(random, twin.mesh, 2000),
+                           edges = exact_rays(random, twin.mesh, 500);
     const std::vector<Hit> hits = cast(tracer, rays);
     expect_same(twin, rays, hits);
     expect_same(twin, edges, cast(tracer, edges), 1);  // all of them at vertices
@@ -165,8 +170,8 @@ TEST_F(TraceProxy, PatchesOfDifferentLevelsDoNotCrack) {
     // Tiles of one level, shown at several; and tiles of several levels, some with a single micro-quad.
     for (const bool tiles_differ : {false, true}) {
       SCOPED_TRACE(tiles_differ ? "tiles differ" : "levels differ");
-      const Proxy proxy = mushroom_ball(4, tiles_differ ? random_levels(random, sphere.quads.size(), 5)
-                                                        : std::vector<std::uint32_t>{5});
+      const Proxy proxy = mushroom_ball(
+          4, tiles_differ ? random_levels(random, sphere.quads.size(), 5) : std::vector<std::uint32_t>{5});
       const ProxyTracer tracer = make_proxy_tracer(device, proxy);
       if (!tiles_differ) {  // a camera so near that some patches are seen finer than others
         CameraWords words;
@@ -235,7 +240,10 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
 
 TEST_F(TraceProxy, DeepLevelsFollowComputedLinks) {
   const std::uint32_t level = PATCH_LINKED_LEVEL + 1;
-  const Proxy proxy = displaced(quad_sheet(1, 1, [](float s, float t) { return Vec3f{s, t, 0}; }),
+  const Proxy proxy = displaced(quad_sheet(1, 1,
+                                           [](float s, float t) {
+                                             return Vec3f{s, t, 0};
+                                           }),
                                 std::span(&level, 1), [](Vec3f p) {
                                   return Vec3f{0.05f * std::sin(20 * p.y), 0, 0.1f * std::sin(9 * p.x)};
                                 });
@@ -285,8 +293,12 @@ TEST_F(TraceProxy, RaysThatResolveLessTakeBoxes) {
 
 TEST_F(TraceProxy, InstancesAreTheMovedMesh) {
   const Proxy ball = mushroom_ball(2, {4});
-  const Proxy sheet = displaced(quad_sheet(3, 2, [](float s, float t) { return Vec3f{3 * s, -1, 3 * t}; }),
-                                std::vector<std::uint32_t>{3}, [](Vec3f p) { return ripples(p, 5, 2) * 0.1f; });
+  const Proxy sheet =
+      displaced(quad_sheet(3, 2,
+                           [](float s, float t) {
+                             return Vec3f{3 * s, -1, 3 * t};
+                           }),
+                std::vector<std::uint32_t>{3}, [](Vec3f p) { return ripples(p, 5, 2) * 0.1f; });
   std::vector<ProxyInstance> instances;
   const auto add = [&](std::uint32_t proxy, std::array<double, 12> m) {
     const std::uint32_t first = instances.empty() ? 5 : instances.back().first_leaf + 100;
@@ -310,7 +322,8 @@ TEST_F(TraceProxy, InstancesAreTheMovedMesh) {
       for (const Vec3f& p : one.positions)
         mesh.positions.push_back(static_cast<Vec3f>(instance.to_world.point(static_cast<Vec3d>(p))));
       for (std::size_t t = 0; t < one.triangles.size(); ++t) {
-        mesh.triangles.push_back({one.triangles[t][0] + first, one.triangles[t][1] + first, one.triangles[t][2] + first});
+        mesh.triangles.push_back(
+            {one.triangles[t][0] + first, one.triangles[t][1] + first, one.triangles[t][2] + first});
         leaves.push_back(instance.first_leaf + patches[t]);
       }
     }
@@ -320,10 +333,11 @@ TEST_F(TraceProxy, InstancesAreTheMovedMesh) {
     std::size_t differing = 0, found = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
       found += is_hit(twin[i]);
-      const bool same = is_hit(hits[i]) == is_hit(twin[i]) &&
-                        (!is_hit(hits[i]) || (hits[i].leaf == leaves[twin[i].leaf] &&
-                                              std::abs(hits[i].t - twin[i].t) <= 1e-4f * std::abs(twin[i].t) + 1e-5f &&
-                                              dot(normal_of(hits[i]), normal_of(twin[i])) > 0.99f));
+      const bool same =
+          is_hit(hits[i]) == is_hit(twin[i]) &&
+          (!is_hit(hits[i]) || (hits[i].leaf == leaves[twin[i].leaf] &&
+                                std::abs(hits[i].t - twin[i].t) <= 1e-4f * std::abs(twin[i].t) + 1e-5f &&
+                                dot(normal_of(hits[i]), normal_of(twin[i])) > 0.99f));
       differing += !same;
     }
     EXPECT_GT(found, 1000u);

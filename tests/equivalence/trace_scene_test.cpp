@@ -1,4 +1,5 @@
-// A scene of scans, a pair's level and proxies, placed and mirrored, against all of it as one mesh in the world.
+// A scene of scans, a pair's level and proxies, placed and mirrored, against all of it as one mesh in the
+// world.
 #include "pipeline/scene/trace_scene.h"
 
 #include <gtest/gtest.h>
@@ -108,11 +109,12 @@ TEST_F(TraceScene, IsTheMeshOfAllItsInstances) {
       return hits[i].normal[0] * expected[i].normal[0] + hits[i].normal[1] * expected[i].normal[1] +
              hits[i].normal[2] * expected[i].normal[2];
     };
-    const bool same = is_hit == is_expected &&
-                      (!is_hit || (hits[i].leaf == leaves[expected[i].leaf] &&
-                                   (hits[i].flags & RBVH_HIT_BACK_FACE) == (expected[i].flags & RBVH_HIT_BACK_FACE) &&
-                                   std::abs(hits[i].t - expected[i].t) <= 1e-4f * std::abs(expected[i].t) + 1e-5f &&
-                                   along() > 0.999f));
+    const bool same =
+        is_hit == is_expected &&
+        (!is_hit || (hits[i].leaf == leaves[expected[i].leaf] &&
+                     (hits[i].flags & RBVH_HIT_BACK_FACE) == (expected[i].flags & RBVH_HIT_BACK_FACE) &&
+                     std::abs(hits[i].t - expected[i].t) <= 1e-4f * std::abs(expected[i].t) + 1e-5f &&
+                     along() > 0.999f));
     differing += !same;
   }
   EXPECT_GT(found, 300u);
@@ -132,7 +134,8 @@ TEST_F(TraceScene, ALevelOfAPairIsWhereItIsPlaced) {
   for (int i = 0; i < 500; ++i) {
     const Vec3f o = uniform_direction(random) * 1.8f, d = uniform_point(random, 0.8f) - o;
     rays.push_back(make_ray(o, d, 0, 1.2f));
-    const Vec3d world = to_world.point(static_cast<Vec3d>(o)), direction = to_world.vector(static_cast<Vec3d>(d));
+    const Vec3d world = to_world.point(static_cast<Vec3d>(o)),
+                direction = to_world.vector(static_cast<Vec3d>(d));
     moved.push_back(make_ray(static_cast<Vec3f>(world), static_cast<Vec3f>(direction), 0, 1.2f));
   }
   const std::vector<Hit> a = cast(tracer, rays), b = cast(tracer, moved);

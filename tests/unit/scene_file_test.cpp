@@ -14,8 +14,8 @@ namespace {
 
 /// A scene of one file "a" and these instances; `more` goes before the instances.
 std::string scene(const std::string& instances, const std::string& more = {}) {
-  return R"({"rbvh_scene": 1, "objects": {"a": {"file": "a.ply"}, "b": {"file": "/far/b.rbvh", "level": "Q1"})" + more +
-         R"(}, "instances": )" + instances + "}";
+  return R"({"rbvh_scene": 1, "objects": {"a": {"file": "a.ply"}, "b": {"file": "/far/b.rbvh", "level": "Q1"})" +
+         more + R"(}, "instances": )" + instances + "}";
 }
 
 SceneFile decode(const std::string& text) { return decode_scene(text, "folder/s.json"); }
@@ -63,9 +63,9 @@ TEST(SceneFile, TransformsScaleThenRotateThenTranslate) {
 }
 
 TEST(SceneFile, GroupsMoveTogether) {
-  const SceneFile s = decode(scene(
-      R"([{"object": "g", "translate": [0, 0, 5]}, {"object": "h", "scale": 2}])",
-      R"(, "g": {"group": [{"object": "a", "translate": [1, 0, 0]}, {"object": "b"}]},
+  const SceneFile s =
+      decode(scene(R"([{"object": "g", "translate": [0, 0, 5]}, {"object": "h", "scale": 2}])",
+                   R"(, "g": {"group": [{"object": "a", "translate": [1, 0, 0]}, {"object": "b"}]},
            "h": {"group": [{"object": "g", "translate": [0, 1, 0]}]})"));
   ASSERT_EQ(s.instances.size(), 4u);
   expect_near(s.instances[0].to_world.point({0, 0, 0}), {1, 0, 5});
@@ -81,11 +81,15 @@ TEST(SceneFile, FaultsAreNamed) {
   expect_refused(R"({"rbvh_scene": 2, "objects": {}, "instances": []})", "version 2");
   expect_refused(R"({"rbvh_scene": 1, "instances": []})", "has no \"objects\"");
   expect_refused(R"({"rbvh_scene": 1, "objects": {}})", "has no \"instances\"");
-  expect_refused(R"({"rbvh_scene": 1, "objects": {}, "instances": [], "camera": 1})", "unknown word \"camera\"");
+  expect_refused(R"({"rbvh_scene": 1, "objects": {}, "instances": [], "camera": 1})",
+                 "unknown word \"camera\"");
   expect_refused(R"({"rbvh_scene": 1, "up": "+X", "objects": {}, "instances": []})", "up is neither");
-  expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {"file": "x"}, "a": {"file": "y"}}, "instances": []})", "twice");
-  expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {}}, "instances": []})", "either \"file\" or \"group\"");
-  expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {"file": "s.json"}}, "instances": []})", "write it as a group");
+  expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {"file": "x"}, "a": {"file": "y"}}, "instances": []})",
+                 "twice");
+  expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {}}, "instances": []})",
+                 "either \"file\" or \"group\"");
+  expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {"file": "s.json"}}, "instances": []})",
+                 "write it as a group");
   expect_refused(R"({"rbvh_scene": 1, "objects": {"a": {"file": 3}}, "instances": []})", "is no text");
   expect_refused(scene("[]"), "places nothing");
   expect_refused(scene("{}"), "instances is no list");
@@ -101,13 +105,16 @@ TEST(SceneFile, FaultsAreNamed) {
   expect_refused(scene(R"([{"object": "a", "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,2]}])"), "last row");
   expect_refused(scene(R"([{"object": "a", "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0], "scale": 2}])"), "both");
   expect_refused(scene(R"([{"object": "a", "rotate": 30}])"), "\"axis\" and \"degrees\"");
-  expect_refused(scene(R"([{"object": "a", "rotate": {"axis": [0, 0, 0], "degrees": 30}}])"), "without direction");
+  expect_refused(scene(R"([{"object": "a", "rotate": {"axis": [0, 0, 0], "degrees": 30}}])"),
+                 "without direction");
   expect_refused(scene(R"([{"object": "a", "translate": [1, 2]}])"), "3 numbers");
-  expect_refused(scene(R"([{"object": "a"}])", R"(, "g": {"group": [{"object": "g"}]})"), "group \"g\" contains itself");
+  expect_refused(scene(R"([{"object": "a"}])", R"(, "g": {"group": [{"object": "g"}]})"),
+                 "group \"g\" contains itself");
   expect_refused(scene(R"([{"object": "a"}])",
                        R"(, "g": {"group": [{"object": "h"}]}, "h": {"group": [{"object": "g"}]})"),
                  "contains itself");
-  expect_refused(scene(R"([{"object": "a"}])", R"(, "g": {"group": [{"object": "gone"}]})"), "places \"gone\"");
+  expect_refused(scene(R"([{"object": "a"}])", R"(, "g": {"group": [{"object": "gone"}]})"),
+                 "places \"gone\"");
   expect_refused(scene(R"([{"object": "a"}])", R"(, "g": {"group": [], "level": "Q0"})"), "is a group");
 }
 
@@ -116,13 +123,14 @@ TEST(SceneFile, GroupsThatMultiplyAreBounded) {
   std::string groups;
   for (int i = 0; i < 30; ++i) {
     const std::string inner = i == 0 ? "a" : "g" + std::to_string(i - 1);
-    groups += R"(, "g)" + std::to_string(i) + R"(": {"group": [{"object": ")" + inner + R"("}, {"object": ")" + inner +
-              R"("}]})";
+    groups += R"(, "g)" + std::to_string(i) + R"(": {"group": [{"object": ")" + inner +
+              R"("}, {"object": ")" + inner + R"("}]})";
   }
   expect_refused(scene(R"([{"object": "g29"}])", groups), "more than a million");
   std::string chain;
   for (int i = 0; i < 100; ++i)
-    chain += R"(, "g)" + std::to_string(i) + R"(": {"group": [{"object": "g)" + std::to_string(i + 1) + R"("}]})";
+    chain +=
+        R"(, "g)" + std::to_string(i) + R"(": {"group": [{"object": "g)" + std::to_string(i + 1) + R"("}]})";
   chain += R"(, "g100": {"group": [{"object": "a"}]})";
   expect_refused(scene(R"([{"object": "a"}])", chain), "groups deep");
   expect_refused(std::string(1000, '['), "deep");
