@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/scan/complete_cloud.h"
@@ -47,6 +48,7 @@ bool is_rbvh(const std::string& path) {
 }
 
 Scan load_exact_scan(Context& context, const std::string& path) {
+  refuse_proxy(path);
   check_budget(context, file_bytes(path) * kScanBytesPerFileByte, path, "reading it");
   Scan scan = shift_to_float(read_scan(path));
   check_usable(scan, path);
