@@ -26,6 +26,7 @@ struct BuildOptions {
   std::string file;
   std::vector<std::string> levels;  // empty: all
   Refinement refinement = Refinement::kProjectedArea;
+  Hybrid hybrid = Hybrid::kAuto;
   bool measure = false;
 };
 
@@ -33,6 +34,15 @@ Refinement parse_refinement(std::string_view text) {
   if (text == "area") return Refinement::kProjectedArea;
   if (text == "cone") return Refinement::kConeOfNormals;
   throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither area nor cone");
+}
+
+constexpr std::pair<std::string_view, Hybrid> kHybrids[] = {
+    {"off", Hybrid::kOff}, {"auto", Hybrid::kAuto}, {"always", Hybrid::kAlways}};
+
+Hybrid parse_hybrid(std::string_view text) {
+  for (const auto& [name, hybrid] : kHybrids)
+    if (name == text) return hybrid;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of off, auto and always");
 }
 
 // Finest first, whatever order they were asked for in.
@@ -64,6 +74,8 @@ Scan read_ingested(const std::string& path, std::string_view bytes) {
 nlohmann::ordered_json options_json(const BuildOptions& options, const std::vector<LevelConfig>& levels) {
   nlohmann::ordered_json json;
   json["refinement"] = options.refinement == Refinement::kProjectedArea ? "area" : "cone";
+  for (const auto& [name, hybrid] : kHybrids)
+    if (hybrid == options.hybrid) json["hybrid"] = name;
   for (const LevelConfig& level : levels) json["levels"].push_back(level.name);
   return json;
 }
@@ -87,6 +99,7 @@ void run_build(Context& context, const BuildOptions& options) {
   BuildConfig config;
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
+  config.hybrid = options.hybrid;
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_rbvh_output(context.output, context.force);
 
@@ -156,6 +169,9 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
   add_parsed(*stage, "--refinement", options->refinement, parse_refinement, "HOW",
              "what splits a node: area (projected area, default) or cone (cone of normals)");
+  add_parsed(*stage, "--hybrid", options->hybrid, parse_hybrid, "WHEN",
+             "which leaves keep their triangles or discs: off (none), auto (where tiles are faulty or more "
+             "bytes, default), always");
   stage->add_flag(
       "--measure", options->measure,
       "compare each level with the scan in 8 views and store what is found (see validate --against)");

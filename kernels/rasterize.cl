@@ -306,17 +306,15 @@ __kernel void rasterize_guests(__global const Run* runs, uint run_count, __globa
   }
 }
 
-// A guest takes a texel that it is nearer to. Where none is of the same surface, that turns away or ends: the tile
-// reaches less far.
+// A guest takes a texel that it is nearer to. Where nobody covers a texel's centre the surface turns away or ends: the
+// tile reaches less far.
 __kernel void rasterize_merge(__global uint* keys, __global const uint* guest_keys, uint count, float reach,
                               float turn_reach, float open_reach) {
   const uint at = get_global_id(0);
   if (at >= count) return;
   const uint own = keys[at], guest = guest_keys[at];
-  if (own >> 24 < guest >> 24)
-    keys[at] = guest;
-  else if (guest <= 1u && own < make_key(guest == 0 ? open_reach : turn_reach, reach, 0.0f))
-    keys[at] = 0;
+  const uint key = own >> 24 < guest >> 24 ? guest : own;
+  keys[at] = key < make_key(guest == 0 ? open_reach : turn_reach, reach, 0.0f) ? 0 : key;
 }
 
 // --- signals on the surface -----------------------------------------------------------------------------------------

@@ -21,6 +21,8 @@
 #define RBVH_STACK 192
 #endif
 #define FAR 1e20f
+// A ray that comes so near to the surface on a line, in parts of the step limit (16 texels), and goes away again, hits.
+#define GRAZE (0.02f / 16.0f)
 
 typedef struct Tile {
   float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
@@ -193,6 +195,32 @@ static inline void store_hit(__global Hit* hit, const Level* level, float3 origi
   *hit = h;
 }
 
+// Pieces of rays between two grid lines, and how far over the surface (D) they begin and end.
+typedef struct {
+  float16 from_t, from_D, to_t, to_D;
+} Segments;
+
+// One end is nowhere, and the other near enough to the surface for the ray to meet it in between.
+#define NEAR (2.0f / 16.0f)  // slope of the surface that is reckoned with, in parts of the step limit (16 texels)
+static inline int16 is_halved(const Segments* s, float16 reach) {
+  return (isnan(s->from_D) != isnan(s->to_D)) &
+         (select(fabs(s->from_D), fabs(s->to_D), isnan(s->from_D)) <= reach);
+}
+
+// At a tile's rim one of the two ends may lie in the next row of cells, where a corner is missing. What is on this side of
+// the line between the rows is still to be met: the segment ends there, at t_row, a fraction `at` of the way from texels
+// h0 to h1, where the ray's w is `w`.
+static inline void shorten(Segments* s, int16 which, float16 t_row, float16 at, float16 w, float16 h0, float16 h1,
+                           float limit) {
+  const int16 solid = which & (h0 > 0.0f) & (h1 > 0.0f) & (fabs(h1 - h0) <= limit);
+  const float16 D = w - (h0 + (h1 - h0) * at);
+  const int16 at_from = solid & isnan(s->from_D), at_to = solid & ~isnan(s->from_D);
+  s->from_t = select(s->from_t, t_row, at_from);
+  s->from_D = select(s->from_D, D, at_from);
+  s->to_t = select(s->to_t, t_row, at_to);
+  s->to_D = select(s->to_D, D, at_to);
+}
+
 // --- one ray --------------------------------------------------------------------------------------------------------
 
 // Nearest crossing of the tile within (tmin, tmax), or tmax. Sixteen grid lines at a time.
@@ -243,21 +271,38 @@ static inline float march(const Level* level, int id, float3 o, float3 d, float 
     const float16 gap = (ow - h0) + dw * t - rise * (minor - convert_float16(y));
     const int16 solid = (h0 > 0.0f) & (h1 > 0.0f) & (fabs(rise) <= limit);
     const float16 D = select((float16)(NAN), gap, solid);
-    const float16 next = D.s123456789abcdeff;
-    uint crossed = lane_bits16((D * next <= 0.0f) & (t < t1)) & 0x7fffu;
+    Segments segment = {t, D, t.s123456789abcdeff, D.s123456789abcdeff};
+    const int16 m = max(y, y.s123456789abcdeff);
+    const int16 halved = is_halved(&segment, fabs(dw * i_major) + NEAR * limit) & (y != y.s123456789abcdeff) & (t < t1);
+    if (lane_bits16(halved) & 0x7fffu) {
+      const int16 a = clamp(line, 0, n_major - 1) * s_major + m * s_minor,
+                  b = clamp(line + dir, 0, n_major - 1) * s_major + m * s_minor;
+      if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, a)) return tmax;
+      if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, b)) return tmax;
+      const float16 t_row = (convert_float16(m) - o_minor) / d_minor;
+      shorten(&segment, halved, t_row, fabs(o_major + d_major * t_row - convert_float16(line)), ow + dw * t_row,
+              convert_float16(gather16(p, a)), convert_float16(gather16(p, b)), limit);
+    }
+    // Between two lines a ray may dip into what it grazes and come out again.
+    const int16 grazed = (fabs(D) < GRAZE * limit) & (fabs(D) <= fabs(D.s123456789abcdeff)) &
+                         (fabs(D) < fabs(D.s00123456789abcde));
+    uint crossed = lane_bits16(((segment.from_D * segment.to_D <= 0.0f) | grazed) & (t < t1)) & 0x7fffu;
     *steps += 1;
     while (crossed) {
       const uint i = lowest_bit(crossed);
       crossed &= crossed - 1u;
-      float tt[16], dd[16];
-      vstore16(t, 0, tt);
-      vstore16(D, 0, dd);
-      const float slope = (dd[i + 1] - dd[i]) / (tt[i + 1] - tt[i]);
-      float hit = tt[i] - dd[i] / slope;
+      float from_t[16], to_t[16], from_D[16], to_D[16];
+      vstore16(segment.from_t, 0, from_t);
+      vstore16(segment.to_t, 0, to_t);
+      vstore16(segment.from_D, 0, from_D);
+      vstore16(segment.to_D, 0, to_D);
+      const float length = to_t[i] - from_t[i], slope = (to_D[i] - from_D[i]) / length;
+      const int is_crossing = from_D[i] * to_D[i] <= 0.0f;
+      float hit = is_crossing ? from_t[i] - from_D[i] / slope : from_t[i];
       const float h = patch_height(level, tile->offset, width, height, ou + du * hit, ov + dv * hit);
       const float again = hit - (ow + dw * hit - h) / slope;
-      if (again >= tt[i] && again <= tt[i + 1]) hit = again;
-      if (hit > tmin && hit < tmax && hit >= t0 - (tt[i + 1] - tt[i]) && hit <= t1 + (tt[i + 1] - tt[i]) &&
+      if (is_crossing && again >= from_t[i] && again <= to_t[i]) hit = again;
+      if (hit > tmin && hit < tmax && hit >= t0 - length && hit <= t1 + length &&
           INSIDE(tile, o.x + d.x * hit, o.y + d.y * hit, o.z + d.z * hit))
         return hit;
     }
@@ -442,7 +487,8 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
   float16 line = dir * floor(dir * enter - 1e-3f);
   __global const ushort* p = level->heights + tile->offset;
   const float limit = tile->step_limit;
-  float16 t = FAR, D = NAN;
+  float16 t = FAR, D = NAN, D_before = NAN;
+  int16 y_before = -1;
   // A map to the tile so large that a step is lost in rounding must not keep a ray here.
   for (int left = width + height + 4; left > 0; --left) {
     const float16 t_line = (line - o_major) * i_major;
@@ -456,11 +502,26 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
     const float16 gap = (ow - h0) + dw * t_line - rise * (minor - convert_float16(y));
     const int16 solid = (h0 > 0.0f) & (h1 > 0.0f) & (fabs(rise) <= limit);
     const float16 D_line = select((float16)(NAN), gap, solid);
-    const int16 crossed = (D * D_line <= 0.0f) & active;
+    Segments segment = {t, D, t_line, D_line};
+    const int16 halved =
+        is_halved(&segment, fabs(dw * i_major) + NEAR * limit) & (y != y_before) & (y_before >= 0) & active;
+    if (lane_bits16(halved) != 0u) {
+      const int16 row = max(y, y_before) * s_minor;
+      const int16 a1 = clamp(convert_int16(line), 0, n_major) * s_major + row,
+                  a0 = clamp(convert_int16(line - dir), 0, n_major) * s_major + row;
+      if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, a0)) return;
+      if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, a1)) return;
+      const float16 t_row = (convert_float16(max(y, y_before)) - o_minor) / d_minor;
+      shorten(&segment, halved, t_row, fabs(o_major + d_major * t_row - (line - dir)), ow + dw * t_row,
+              convert_float16(gather16(p, a0)), convert_float16(gather16(p, a1)), limit);
+    }
+    const int16 crossed = (segment.from_D * segment.to_D <= 0.0f) & active;
+    const int16 grazed = ~crossed & active & (fabs(D) < GRAZE * limit) & (fabs(D) <= fabs(D_line)) &
+                         (fabs(D) < fabs(D_before));
     *steps += 1;
-    if (lane_bits16(crossed) != 0u) {
-      const float16 slope = (D_line - D) / (t_line - t);
-      const float16 secant = t - D / slope;
+    if (lane_bits16(crossed | grazed) != 0u) {
+      const float16 slope = (segment.to_D - segment.from_D) / (segment.to_t - segment.from_t);
+      const float16 secant = segment.from_t - segment.from_D / slope;
       const float16 u = ou + du * secant, v = ov + dv * secant;
       const int16 hx = clamp(convert_int16(u), 0, width - 2), hy = clamp(convert_int16(v), 0, height - 2);
       const int16 q = hy * width + hx;
@@ -472,8 +533,9 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
       const float16 ha = a + (b - a) * fu, hb = c + (e - c) * fu;
       const int16 whole = (a > 0.0f) & (b > 0.0f) & (c > 0.0f) & (e > 0.0f);
       const float16 newton = secant - (ow + dw * secant - (ha + (hb - ha) * fv)) / slope;
-      const float16 hit = select(secant, newton, whole & (newton >= t) & (newton <= t_line));
-      const int16 taken = crossed & (hit > 0.0f) & (hit < rays->t) &
+      const float16 met = select(secant, newton, whole & (newton >= segment.from_t) & (newton <= segment.to_t));
+      const float16 hit = select(met, t, grazed);
+      const int16 taken = (crossed | grazed) & (hit > 0.0f) & (hit < rays->t) &
                           INSIDE(tile, o.x + rays->dx * hit, o.y + rays->dy * hit, o.z + rays->dz * hit);
       rays->t = select(rays->t, hit, taken);
       rays->leaf = select(rays->leaf, (int16)(id), taken);
@@ -482,7 +544,9 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
     active &= t_line < t1;
     if (lane_bits16(active) == 0u) return;
     t = t_line;
+    D_before = D;
     D = D_line;
+    y_before = y;
     line += dir;
   }
 }

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
 #include "pipeline/rbvh/atlas.h"
 #include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/tile.h"
@@ -27,8 +28,10 @@ constexpr std::uint32_t kFloorPrimitives = 4;
 constexpr float kLeastArea = 1e-15f, kMostArea = 1e17f;
 /// Discs that lie further apart than this where they overlap are noise that a tile would not show as they do.
 constexpr float kNoiseTexels = 0.1f;
-/// A leaf of no more primitives than this keeps them where its tile is faulty (and in fine levels of clouds).
-constexpr std::uint32_t kMostExact = 24;
+/// A leaf of no more primitives than this may keep them; of a faulty tile.
+constexpr std::uint32_t kMostExact = 64, kMostFaulty = 32;
+/// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
+constexpr std::uint32_t kTexelsPerExact = 11;
 
 /// The paper's best tile resolution for coherent rays (section 3.4).
 float optimal_resolution(float rho) { return std::max(8.0f, 5.76f * std::log(rho) - 42.99f); }
@@ -48,6 +51,14 @@ struct LevelRule {
   }
 };
 
+bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
+  if (hybrid == Hybrid::kOff || tile.leaf.primitives > kMostExact) return false;
+  if (hybrid == Hybrid::kAlways || keeps_discs) return true;
+  const std::uint32_t texels = std::uint32_t{tile.leaf.width} * tile.leaf.height;
+  return (tile.is_faulty && tile.leaf.primitives <= kMostFaulty) ||
+         texels >= kTexelsPerExact * tile.leaf.primitives;
+}
+
 RasterConfig raster_config(const LevelRule& rule, const Primitives& primitives, bool keeps_discs) {
   RasterConfig raster{.rho = rule.rho};
   if (keeps_discs) {
@@ -59,6 +70,18 @@ RasterConfig raster_config(const LevelRule& rule, const Primitives& primitives, 
     raster.step_limit = std::max(raster.step_limit, noise);
   }
   return raster;
+}
+
+/// Other levels' splits have left the references of a node in an order of their own, and sums depend on it.
+void sort_references(Partition& partition, const std::vector<SplitRequest>& requests) {
+  std::vector<std::uint32_t> references = partition.references.read();
+  parallel_for(requests.size(), 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const PartitionNode& node = partition.nodes[requests[i].node];
+      std::sort(references.begin() + node.begin, references.begin() + node.end);
+    }
+  });
+  partition.references.write(std::span<const std::uint32_t>(references));
 }
 
 /// The primitives of the tiles that keep them.
@@ -183,28 +206,30 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
       }
     }
     // Where texels are finer than a cloud's discs, the discs themselves are as few bytes, and exact.
-    const bool keeps_discs =
-        primitives.discs && config.levels[i].rho >= 2 * static_cast<float>(primitives.count);
+    const bool keeps_discs = primitives.discs && config.hybrid != Hybrid::kOff &&
+                             config.levels[i].rho >= 2 * static_cast<float>(primitives.count);
     const RasterConfig raster = raster_config(rule, primitives, keeps_discs);
     // Splits for a level's own faults are made on a copy, so that no level depends on another.
     Partition own{.nodes = partition.nodes,
                   .references = Buffer<std::uint32_t>(device, primitives.count),
                   .cones = false};
     own.references.copy_from(partition.references, primitives.count);
-    while (!leaves.empty()) {
+    for (bool is_first = true; !leaves.empty(); is_first = false) {
       const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
       lap(time.rasterize);
       std::vector<SplitRequest> requests;
       for (Tile tile : done) {
         const PartitionNode& node = own.nodes[tile.node];
-        tile.is_exact = node.count() <= kMostExact && (tile.is_faulty || keeps_discs);
-        if (tile.is_faulty && !tile.is_exact && node.count() > 1 &&
-            (keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels)) {
+        tile.is_exact = keeps_primitives(config.hybrid, tile, keeps_discs);
+        const bool may_split = keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels;
+        if (!tile.is_exact && node.count() > 1 &&
+            (config.hybrid == Hybrid::kAlways || (tile.is_faulty && may_split))) {
           requests.push_back({tile.node, tile.has_back, tile.w});
           continue;
         }
         tiles.push_back(tile);
       }
+      if (is_first && !requests.empty()) sort_references(own, requests);
       split_once(own, primitives, requests);
       leaves.clear();
       for (const SplitRequest& request : requests) {

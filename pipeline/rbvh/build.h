@@ -24,9 +24,14 @@ const std::vector<LevelConfig>& standard_levels();
 
 enum class Refinement { kProjectedArea, kConeOfNormals };
 
+/// Which leaves keep their primitives and are traced exactly. kOff: none. kAuto: of few primitives, where the
+/// tile would be faulty or the primitives are the fewer bytes. kAlways: all; tiles are split until all can.
+enum class Hybrid { kOff, kAuto, kAlways };
+
 struct BuildConfig {
   std::vector<LevelConfig> levels = standard_levels();
   Refinement refinement = Refinement::kProjectedArea;
+  Hybrid hybrid = Hybrid::kAuto;
 };
 
 /// What a build did, for reports: seconds by phase, summed over levels.

@@ -72,6 +72,11 @@ void set_row(float* row, Vec3d direction, Vec3d origin, double scale, double off
   row[3] = static_cast<float>(offset - (row[0] * origin.x + row[1] * origin.y + row[2] * origin.z));
 }
 
+/// What the primitives cover of the tile's plane; folded noise is not allowed to make it small without bound.
+float covered_area(const PartitionNode& node) {
+  return std::max(node.projected_area(), 0.5f * node.sums.area);
+}
+
 /// The smallest rectangle among the angles, sampled so that its texels are as many as the paper's square tile
 /// has.
 RasterTile make_raster_tile(const PartitionNode& node, const TileAxes& axes, const TileExtents& e,
@@ -91,10 +96,12 @@ RasterTile make_raster_tile(const PartitionNode& node, const TileAxes& axes, con
   const Vec3d v = vec(axes.v) * std::cos(angle) - vec(axes.u) * std::sin(angle);
   const double width = std::max(0.0f, e.u_hi[best] - e.u_lo[best]),
                height = std::max(0.0f, e.v_hi[best] - e.v_lo[best]);
-  const double resolution = tile_resolution(node, config.rho);
   const double longest = std::max({width, height, static_cast<double>(e.w_hi) - e.w_lo, 1e-30});
-  // A sliver of a rectangle must not become a single row of endless texels.
-  double texel = std::max(std::sqrt(width * height) / resolution, longest / (4 * resolution + 4));
+  // All tiles have the paper's density, whatever part of their rectangle is covered; a sliver of a rectangle
+  // must not become a single row of endless texels.
+  const double area = node.sums.area, resolution = tile_resolution(node, config.rho);
+  double texel = std::sqrt(config.fill / config.rho) * (area > 0 ? covered_area(node) / area : 1.0);
+  texel = std::max(texel, longest / (16 * resolution + 4));
   texel = std::max(texel, longest / (kMaxSide - 16));
   texel = std::max(texel, longest * 1e-6);
 
@@ -124,8 +131,8 @@ float texel_size(const RasterTile& tile) {
 }  // namespace
 
 float tile_resolution(const PartitionNode& node, float rho) {
-  const float area = node.sums.area, projected = std::max(node.projected_area(), 0.5f * area);
-  return std::sqrt(rho * area * area / std::max(projected, 1e-30f));
+  const float area = node.sums.area;
+  return std::sqrt(rho * area * area / std::max(covered_area(node), 1e-30f));
 }
 
 std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,

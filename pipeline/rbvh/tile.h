@@ -29,10 +29,12 @@ struct TileTexels {
 };
 
 struct RasterConfig {
-  float rho = 0;             ///< texels per unit of area, scan units: the paper's rho / total area
-  float reach = 1.4f;        ///< texels that a tile reaches past its primitives, where its neighbours' go on
-  float turn_reach = 1.1f;   ///< where they turn away: over a crest, say
-  float open_reach = 0.75f;  ///< where nothing does: the surface ends there
+  float rho = 0;            ///< texels per unit of area, scan units: the paper's rho / total area
+  float fill = 1.33f;       ///< the tile's rectangle is taken to be so much larger than what is covered of it
+  float reach = 2.0f;       ///< texels that a tile reaches past its primitives, where its neighbours' go on
+  float turn_reach = 0.9f;  ///< where they turn away: over a crest, say
+  float open_reach = 0.75f;  ///< where nothing does: the surface ends there; no less, lest a point between
+                             ///< four texels be lost
   float layer_gap = 2;       ///< two coverings of a texel further apart (texels) are two layers
   float step_limit = 3;      ///< neighbours further apart in height (texels) than this are worth a split
 };

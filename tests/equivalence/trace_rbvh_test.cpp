@@ -18,8 +18,9 @@ namespace rbvh {
 namespace {
 
 Rbvh build(const Scan& scan, std::vector<LevelConfig> levels,
-           Refinement refinement = Refinement::kProjectedArea) {
-  return build_rbvh(Device::open(), scan, BuildConfig{.levels = std::move(levels), .refinement = refinement});
+           Refinement refinement = Refinement::kProjectedArea, Hybrid hybrid = Hybrid::kOff) {
+  return build_rbvh(Device::open(), scan,
+                    BuildConfig{.levels = std::move(levels), .refinement = refinement, .hybrid = hybrid});
 }
 
 std::vector<Hit> trace(const Level& level, const std::vector<Ray>& rays,
@@ -77,18 +78,13 @@ TEST(TraceRbvh, FollowsABumpySphereFromOutsideAndInside) {
     const std::vector<Ray> rays = rays_at_sphere(1500, property_seed(), from_inside);
     const std::vector<Hit> hits = trace(level, rays);
     std::vector<double> errors;
-    std::size_t leaks = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
       const Exact exact = brute_force(scan, rays[i]);
       // Rays that graze the sphere may rightly miss a surface that is a texel's error off.
       if (!std::isfinite(exact.t) || exact.slope < 0.1) continue;
       ASSERT_TRUE(std::isfinite(hits[i].t)) << "ray " << i;
       const double error = std::abs(hits[i].t - exact.t) * exact.slope;
-      // A ray in thousands finds a crack between tiles.
-      if (error > 1.5e-2) {
-        ++leaks;
-        continue;
-      }
+      EXPECT_LT(error, 1.5e-2) << "ray " << i;
       errors.push_back(error);
       EXPECT_EQ((hits[i].flags & RBVH_HIT_BACK_FACE) != 0, from_inside) << "ray " << i;
       EXPECT_EQ(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
@@ -100,7 +96,6 @@ TEST(TraceRbvh, FollowsABumpySphereFromOutsideAndInside) {
     ASSERT_GT(errors.size(), 1000u);
     std::sort(errors.begin(), errors.end());
     EXPECT_LT(errors[errors.size() / 2], 2e-4);  // a texel is 7e-3
-    EXPECT_LE(leaks, 2u);
   }
 }
 
@@ -153,7 +148,8 @@ Scan noisy_discs(int n, std::uint64_t seed) {
 TEST(TraceRbvh, PrimitivesThatLeavesKeepAreHitExactly) {
   const std::uint64_t seed = property_seed();
   for (const Scan& scan : {thicket(400, seed), noisy_discs(40, seed)}) {
-    const Level level = build(scan, {{"Q", 4e4f, 0.85f, 45}}).levels[0];
+    const Level level =
+        build(scan, {{"Q", 4e4f, 0.85f, 45}}, Refinement::kProjectedArea, Hybrid::kAuto).levels[0];
     ASSERT_GT(level.exact_leaves.size(), 20u);
     EXPECT_EQ(level.exact_discs, scan.is_cloud());
     const std::vector<Ray> rays = rays_at_sphere(1500, seed, false);
@@ -252,7 +248,7 @@ TEST(TraceRbvh, HitsPlatesSquarelyAndUnevenRaysMiss) {
       trace(level, {make_ray({0.1f, 0.2f, 2}, {0, 0, -1}), make_ray({0.1f, 0.2f, -2}, {0, 0, 4}),
                     make_ray({0.1f, 0.2f, 2}, {0, 0, 1}), make_ray({0.1f, 0.2f, 2}, {0, 0, 0}),
                     make_ray({nan, 0, 2}, {0, 0, -1}), make_ray({0, 0, 2}, {0, nan, -1}),
-                    make_ray({-2, 0, 0.25f}, {1, 0, 0}), make_ray({-0.5f, -0.5f, 2}, {0, 0, -1}),
+                    make_ray({-2, 0, 0.25f}, {1, 0, 0}), make_ray({-0.48f, -0.48f, 2}, {0, 0, -1}),
                     make_ray({0.51f, 0, 2}, {0, 0, -1}), make_ray({0.1f, 0.2f, 2}, {0, 0, -1e-12f}),
                     make_ray({0.1f, 0.2f, 2}, {0, 0, -1e12f})});
   EXPECT_NEAR(hits[0].t, 1.75f, 1e-5f);
@@ -260,7 +256,7 @@ TEST(TraceRbvh, HitsPlatesSquarelyAndUnevenRaysMiss) {
   EXPECT_NEAR(hits[1].t, 0.5625f, 1e-5f);
   EXPECT_EQ(hits[1].flags, RBVH_HIT_BACK_FACE);
   for (const std::size_t miss : {2u, 3u, 4u, 5u, 8u}) EXPECT_FALSE(std::isfinite(hits[miss].t)) << miss;
-  EXPECT_NEAR(hits[7].t, 1.75f, 1e-5f);  // the corner itself
+  EXPECT_NEAR(hits[7].t, 1.75f, 1e-5f);  // a texel or two from the corner
   EXPECT_NEAR(hits[9].t, 1.75e12f, 1e7f);
   EXPECT_NEAR(hits[10].t, 1.75e-12f, 1e-17f);
 }
@@ -352,11 +348,16 @@ bool same(const Level& a, const Level& b) {
 }
 
 TEST(Build, GivesTheSameBytesAgainAndEachLevelAlone) {
-  for (const Scan& scan : {bumpy_sphere(90), thicket(300, 1), noisy_discs(30, 1)}) {
-    const Rbvh first = build(scan, standard_levels()), second = build(scan, standard_levels());
+  for (const Scan& scan : {bumpy_sphere(60), thicket(300, 1), noisy_discs(30, 1)}) {
+    // Without exact leaves, tiles that are faulty go on splitting longest.
+    const Hybrid hybrid = scan.is_cloud() ? Hybrid::kOff : Hybrid::kAuto;
+    const auto built = [&](std::vector<LevelConfig> levels) {
+      return build(scan, std::move(levels), Refinement::kProjectedArea, hybrid);
+    };
+    const Rbvh first = built(standard_levels()), second = built(standard_levels());
     for (std::size_t i = 0; i < first.levels.size(); ++i) {
       EXPECT_TRUE(same(first.levels[i], second.levels[i])) << i;
-      EXPECT_TRUE(same(first.levels[i], build(scan, {standard_levels()[i]}).levels[0])) << i;
+      EXPECT_TRUE(same(first.levels[i], built({standard_levels()[i]}).levels[0])) << i;
     }
   }
 }

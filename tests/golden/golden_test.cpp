@@ -156,7 +156,7 @@ class Golden : public ToolTest {
                            lines);
   }
 
-  void build() { good("build scene.ply -o scene.rbvh --levels Q2 -f -q"); }
+  void build() { good("build scene.ply -o scene.rbvh --levels Q2 --hybrid off -f -q"); }
 
   void expect_golden(const std::string& name) const {
     const std::string golden = RBVH_SOURCE "/tests/golden/" + name;
