@@ -83,6 +83,7 @@ struct Input {
 
 Input read_mesh(Context& context, const ProxyOptions& options) {
   Input input;
+  refuse_proxy(options.file);
   const InputBytes bytes = read_input(options.file);
   check_budget(context, bytes.size * 3, options.file, "reading it");
   input.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();

@@ -114,6 +114,7 @@ bool is_rbvh(const std::string& path) {
 }
 
 Scan load_exact_scan(Context& context, const std::string& path) {
+  refuse_proxy(path);
   check_budget(context, file_bytes(path) * kScanBytesPerFileByte, path, "reading it");
   Scan scan = shift_to_float(read_scan(path));
   check_usable(scan, path);

@@ -283,6 +283,13 @@ bool is_proxy(const std::string& path) {
   return (extension == ".obj" || extension == ".OBJ") && fs::exists(proxy_sidecar_path(path), code);
 }
 
+void refuse_proxy(const std::string& path) {
+  if (is_proxy(path))
+    throw Error(ExitCode::kInput, path,
+                "is a proxy, and a scan is wanted here; name the scan (" + proxy_sidecar_path(path) +
+                    " beside it says of which it was made)");
+}
+
 Proxy decode_proxy(std::string_view sidecar, std::string_view mesh, std::string_view map,
                    const std::string& path, ProxyHeader* header) {
   const std::string sidecar_path = proxy_sidecar_path(path), map_path = proxy_map_path(path);

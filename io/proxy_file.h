@@ -36,6 +36,9 @@ std::string proxy_sidecar_path(const std::string& path);
 /// True for an .obj with a sidecar beside it.
 bool is_proxy(const std::string& path);
 
+/// For readers of scans, who would take the base for the shape. Throws Error(kInput) where is_proxy().
+void refuse_proxy(const std::string& path);
+
 /// Reads and checks all three: version, lengths, hashes, and everything that find_fault() does. Hostile input
 /// is expected. Throws Error(kInput) naming the first fault in a sentence.
 Proxy load_proxy(const std::string& path, ProxyHeader* header = nullptr);

@@ -33,8 +33,9 @@ struct Quads {
   const SelfMap& map;
   std::vector<TrianglePair> pairs;
 
-  Vec3f on_scan(std::uint32_t triangle, std::array<double, 3> weights) const {
+  Vec3f on_scan(std::uint32_t triangle, std::array<double, 3> weights, std::uint32_t* hit) const {
     const FacePoint p = map.to_original({base.versions[triangle], weights});
+    if (hit != nullptr) *hit = p.version;
     const Triangle& t = scan.triangles[p.version];
     Vec3d sum{};
     for (std::size_t k = 0; k < 3; ++k) sum = sum + Vec3d(scan.positions[t[k]]) * p.weights[k];
@@ -43,7 +44,8 @@ struct Quads {
 
   // The base's point under (s, t) of a quad, linear in each of its triangles, taken to the scan. The side
   // that the two share is the diagonal from (0, 0) to (1, 1), along which texel quads are cut, too.
-  Vec3f at(std::size_t quad, double s, double t) const {
+  // `hit` gets the scan's triangle.
+  Vec3f at(std::size_t quad, double s, double t, std::uint32_t* hit = nullptr) const {
     const TrianglePair& pair = pairs[quad];
     std::array<double, 3> weights{};
     const bool is_alone = pair.second == TrianglePair::kNone;
@@ -63,7 +65,7 @@ struct Quads {
       to = 1 - s;
       opposite = s - t;
     }
-    return on_scan(is_first ? pair.first : pair.second, weights);
+    return on_scan(is_first ? pair.first : pair.second, weights, hit);
   }
 };
 
@@ -176,6 +178,29 @@ double error_without(const Grid& fine, std::uint32_t stride, double allowed) {
   return std::max(std::sqrt(sum / cells), worst / kWorstPoint) / allowed;
 }
 
+// Texels a side beyond which only the scan's own facets would be copied, from about how many triangles the
+// patch covers.
+std::uint32_t most_side(const Quads& quads, std::size_t quad, const Grid& grid, const BakeConfig& config) {
+  const auto triangle_area = [&](std::uint32_t triangle) {
+    const Triangle& t = quads.scan.triangles[triangle];
+    const Vec3d a(quads.scan.positions[t[0]]);
+    return length(cross(Vec3d(quads.scan.positions[t[1]]) - a, Vec3d(quads.scan.positions[t[2]]) - a));
+  };
+  double triangles = 0;
+  const double step = 1.0 / (grid.side - 1);
+  for (std::uint32_t j = 0; j + 1 < grid.side; ++j)
+    for (std::uint32_t i = 0; i + 1 < grid.side; ++i) {
+      std::uint32_t hit = 0;
+      static_cast<void>(quads.at(quad, (i + 0.5) * step, (j + 0.5) * step, &hit));
+      const Vec3d diagonal(grid.at(i + 1, j + 1) - grid.at(i, j)),
+          other(grid.at(i, j + 1) - grid.at(i + 1, j));
+      const double area = triangle_area(hit);
+      if (area > 0) triangles += std::min(length(cross(diagonal, other)) / area, 1e6);
+    }
+  const double steps = std::sqrt(triangles * config.texels_per_triangle);
+  return std::bit_ceil(static_cast<std::uint32_t>(std::clamp(steps, 4.0, 4096.0))) + 1;
+}
+
 // The coarsest grid that is fine enough.
 Grid choose_grid(const Quads& quads, std::size_t quad, const BakeConfig& config, double allowed,
                  bool& is_at_limit) {
@@ -186,13 +211,12 @@ Grid choose_grid(const Quads& quads, std::size_t quad, const BakeConfig& config,
       for (; stride > 1; stride /= 2) fine = every_second(fine);
       return fine;
     }
+  const std::uint32_t most = most_side(quads, quad, fine, config);
   for (;;) {
     const Grid finer = sample(quads, quad, 2 * fine.side - 1, fine);
     if (error_without(finer, 2, allowed) <= 1) return fine;
-    if (finer.side > config.max_side) {
-      is_at_limit = true;
-      return fine;
-    }
+    is_at_limit = finer.side > config.max_side;
+    if (is_at_limit || finer.side > most) return fine;
     fine = finer;
   }
 }

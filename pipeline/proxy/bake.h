@@ -18,8 +18,9 @@ struct BakeConfig {
   double max_error = 0;  ///< > 0: the base stays this near to the scan (RMS), as a fraction of the diagonal
   double detail = 6e-5;  ///< tiles are fine enough that twice their texels would move the surface by no more
                          ///< than this (RMS), as a fraction of the diagonal
-  std::uint32_t max_side = 129;  ///< texels a side of a tile at most: 2^k + 1
-  double min_component = 0.001;  ///< parts with less than this fraction of the area are left out
+  std::uint32_t max_side = 129;     ///< texels a side of a tile at most: 2^k + 1
+  double texels_per_triangle = 16;  ///< of the scan, at most: more would only copy its facets
+  double min_component = 0.001;     ///< parts with less than this fraction of the area are left out
 };
 
 struct BakeReport {

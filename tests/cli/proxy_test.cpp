@@ -134,6 +134,16 @@ TEST_F(ProxyStage, InfoAndValidateKnowIt) {
   EXPECT_EQ(tool("info ball.obj").code, 3);
 }
 
+TEST_F(ProxyStage, IsNoScan) {
+  ASSERT_EQ(tool("proxy ball.ply -o ball.obj --patches 60 -q").code, 0);
+  for (const char* words : {"ingest ball.obj -o a.ply", "build ball.obj -o a.rbvh", "proxy ball.obj -o a.obj",
+                            "validate ball.obj --against ball.obj"}) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 3) << words;
+    EXPECT_NE(run.err.find("ball.obj: is a proxy"), std::string::npos) << run.err;
+  }
+}
+
 TEST_F(ProxyStage, WhatCannotBeBaked) {
   write("cloud.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n");
   expect_error(3, "cloud.xyz -o a.obj", "point cloud");
