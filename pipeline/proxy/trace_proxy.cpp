@@ -24,7 +24,8 @@ constexpr std::uint32_t kLeastLevel = 2;         // 16 micro-quads cost as much 
 constexpr std::uint32_t kLeastUnbuiltLevel = 4;  // coarser ones are built as fast as met
 constexpr std::size_t kGpuGroup = 64, kRayGroup = 64;
 constexpr std::uint32_t kCpuGroupsPerUnit = 4;
-constexpr std::uint32_t kScouts = 16;  // every so many-th ray is one
+constexpr std::size_t kLeastScouted = std::size_t{1} << 14;  // fewer rays are faster gathered
+constexpr std::uint32_t kScouts = 16;                        // every so many-th ray is one
 
 std::uint32_t block_count(std::uint32_t level) {
   return level == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * level) + 32) / 48);
@@ -249,7 +250,7 @@ class Cast {
         pair_steps_(steps != nullptr ? state.pair_steps : Buffer<std::uint32_t>()) {}
 
   void run(bool keep_hits, bool scouts) {
-    if (scouts && count_ >= kScouts * kScouts) {
+    if (scouts && count_ >= kLeastScouted) {
       start(keep_hits, kScouts);
       scout(static_cast<std::uint32_t>(count_ / kScouts));
     }

@@ -29,6 +29,7 @@ struct Options {
   int repetitions = 3, bounces = 5;
   std::size_t cache_mb = 512, twin_mb = 3000;
   bool sweep = true;
+  std::uint32_t few_rays = ProxyConfig{}.few_rays;
 };
 
 struct BenchScene {
@@ -249,6 +250,7 @@ void measure(const Device& device, const Options& options, const std::string& na
   const BenchScene scene = make_scene(name);
   ProxyConfig config;
   config.cache_bytes = options.cache_mb << 20;
+  config.few_rays = options.few_rays;
   ProxyTracer tracer;
   const double prepare = seconds_of(device, [&] { tracer = make_proxy_tracer(device, scene.proxy, config); });
   const Bounds3f box = box_of(scene.proxy);
@@ -298,6 +300,7 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
                                 [](Vec3f p) { return mushrooms(p, 0.05f) + ripples(p, 90, 3) * 0.002f; });
   ProxyConfig config;
   config.cache_bytes = options.cache_mb << 20;
+  config.few_rays = options.few_rays;
   const ProxyTracer tracer = make_proxy_tracer(device, proxy, config);
   const Scan mesh = tessellate(proxy, kGlobeLevel);
   const ExactTracer twin = make_exact_tracer(device, mesh);
@@ -358,6 +361,8 @@ int run(int argc, char** argv) {
   app.add_option("--bounces", options.bounces, "indirect bounces")->capture_default_str();
   app.add_option("--cache", options.cache_mb, "MB of patch hierarchies")->capture_default_str();
   app.add_option("--twin", options.twin_mb, "MB that a twin may take; larger ones are not made")
+      ->capture_default_str();
+  app.add_option("--few-rays", options.few_rays, "rays that meet a patch before it is built for them")
       ->capture_default_str();
   app.add_flag("!--no-sweep", options.sweep, "leave out the table by rays a patch");
   CLI11_PARSE(app, argc, argv);
