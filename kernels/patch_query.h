@@ -168,12 +168,32 @@ static inline void finish_found(const PatchTree* tree, PatchFound* found) {
 }
 // Sixteen vertices of row j, from column i on, moved to where the ray is the z axis.
 static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, uint j, float16* x, float16* y) {
+  // As patch_vertex().
+  __global const Patch* p = tree->patch;
+  const int level = (int)tree->level, n = 1 << level, shift = (int)p->level - level;
+  const int16 lanes = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  int16 vi = min((int)i + lanes, n), vj = (int)j;
+  if (tree->edges != tree->level * 0x01010101u) {
+#define SNAP(x, k) \
+  ((x + ((1 << (level - (int)edge_level(tree->edges, k))) >> 1)) & ~((1 << (level - (int)edge_level(tree->edges, k))) - 1))
+    vi = select(vi, SNAP(vi, 0), vj == 0);
+    vj = select(vj, SNAP(vj, 1), vi == n);
+    vi = select(vi, SNAP(vi, 2), vj == n);
+    vj = select(vj, SNAP(vj, 3), vi == 0);
+#undef SNAP
+  }
+  const float16 s = convert_float16(vi) / (float)n, t = convert_float16(vj) / (float)n;
+  const float16 s1 = 1.0f - s, t1 = 1.0f - t;
+  int texel[16];
+  vstore16(((vj << shift) * (int)p->row + (vi << shift)) * 3, 0, texel);
+  __global const float* first = tree->map + 3 * (size_t)p->texels;
   float place[3][16];
-  for (uint lane = 0; lane < 16; ++lane) {
-    const float3 v = patch_vertex(tree->patch, tree->map, tree->level, tree->edges, min(i + lane, 1u << tree->level), j);
-    place[0][lane] = v.x;
-    place[1][lane] = v.y;
-    place[2][lane] = v.z;
+  for (uint axis = 0; axis < 3; ++axis) {
+    float d[16];
+    for (uint lane = 0; lane < 16; ++lane) d[lane] = first[texel[lane] + (int)axis];
+    const float16 base = (p->corners[0][axis] * s1 + p->corners[1][axis] * s) * t1 +
+                         (p->corners[3][axis] * s1 + p->corners[2][axis] * s) * t;
+    vstore16(base + vload16(0, d), 0, place[axis]);
   }
   const float16 z = vload16(0, place[q->kz]) - q->origin[q->kz];
   *x = (vload16(0, place[q->kx]) - q->origin[q->kx]) - q->sx * z;

@@ -138,7 +138,7 @@ double median(std::vector<double> values) {
 // --- rays
 // -----------------------------------------------------------------------------------------------------------
 
-/// One kind of rays: milliseconds with nothing built, with all built, with what the casts before it built,
+/// One kind of rays: milliseconds with nothing built, once more, with what the casts before it built,
 /// and of the twin; all on the same rays, in turn, as what slows one down for a while slows all.
 struct Row {
   std::string rays;
@@ -223,9 +223,8 @@ std::vector<Row> measure_rows(const ProxyTracer& tracer, const std::optional<Exa
 
 void print_rows(const std::vector<Row>& rows) {
   std::printf(
-      "| Rays | count | top, middle [ms] | sort | build | patches | all, nothing built | built by casts "
-      "before | all "
-      "built | ns a ray | twin [ms] | nothing built / twin | all built / twin |\n"
+      "| Rays | count | top, middle [ms] | sort | build | patches | all, nothing built | after the casts "
+      "before | the same again | ns a ray | twin [ms] | nothing built / twin | again / twin |\n"
       "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
   for (const Row& r : rows)
     std::printf("| %s | %zu | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.0f | %.1f | %.2f | %.2f |\n",

@@ -173,13 +173,15 @@ TEST_F(TraceProxy, PatchesOfDifferentLevelsDoNotCrack) {
       const Proxy proxy = mushroom_ball(
           4, tiles_differ ? random_levels(random, sphere.quads.size(), 5) : std::vector<std::uint32_t>{5});
       const ProxyTracer tracer = make_proxy_tracer(device, proxy);
+      std::optional<CameraRays> camera_used;
       if (!tiles_differ) {  // a camera so near that some patches are seen finer than others
         CameraWords words;
         words.position = Vec3d{0.2, 0.3, 1.5};
         words.focal_point = Vec3d{0, 0, 0};
         words.view_angle = 60;
         const Camera camera = place_camera(words, {{-1, -1, -1}, {1, 1, 1}}, {0, 1, 0}, 1);
-        set_detail(tracer, camera_rays(camera, 16, 16));
+        camera_used = camera_rays(camera, 16, 16);
+        set_detail(tracer, *camera_used);
         const std::vector<PatchLevel> levels = levels_in_use(tracer);
         std::uint32_t least = 9, most = 0;
         for (const PatchLevel& level : levels) {
@@ -193,6 +195,16 @@ TEST_F(TraceProxy, PatchesOfDifferentLevelsDoNotCrack) {
       expect_closed(tracer, twin);
       const std::vector<Ray> rays = random_rays(random, twin.mesh, 1500);
       expect_same(twin, rays, cast(tracer, rays));
+      if (!tiles_differ) {
+        ProxyConfig config;
+        config.few_rays = 1000000;
+        config.at_once = false;
+        const ProxyTracer unbuilt = make_proxy_tracer(device, proxy, config);
+        set_detail(unbuilt, *camera_used);
+        resolve_everything(unbuilt);
+        expect_same(twin, rays, cast(unbuilt, rays));
+        EXPECT_GT(stats(unbuilt).unbuilt_rays, 0u);
+      }
       if (HasFailure()) return;
     }
   }
