@@ -145,6 +145,28 @@ Scan noisy_discs(int n, std::uint64_t seed) {
   return scan;
 }
 
+TEST(TraceRbvh, HybridSaysWhichLeavesKeepTheirPrimitives) {
+  // Some 20 texels a triangle: where it is fine, the triangles are the fewer bytes.
+  const Scan scan = bumpy_sphere(60);
+  const auto level_of = [&](float rho, Hybrid hybrid) {
+    return build(scan, {{"Q", rho, 0.85f, 45}}, Refinement::kProjectedArea, hybrid).levels[0];
+  };
+  EXPECT_EQ(level_of(2e5f, Hybrid::kOff).exact_leaves.size(), 0u);
+  EXPECT_GT(level_of(2e5f, Hybrid::kAuto).exact_leaves.size(), 20u);
+  EXPECT_LT(level_of(2e4f, Hybrid::kAuto).exact_leaves.size(), 5u);
+  const Level level = level_of(2e4f, Hybrid::kAlways);
+  EXPECT_EQ(level.exact_leaves.size(), level.leaves.size());
+  EXPECT_EQ(level.exact_primitives.size(), scan.triangles.size());
+  const std::vector<Ray> rays = rays_at_sphere(500, property_seed(), false);
+  const std::vector<Hit> hits = trace(level, rays);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const Exact exact = brute_force(scan, rays[i]);
+    if (!std::isfinite(exact.t) || exact.slope < 0.02) continue;
+    EXPECT_NEAR(hits[i].t, exact.t, 1e-5 * exact.t) << i;
+    EXPECT_NE(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u) << i;
+  }
+}
+
 TEST(TraceRbvh, PrimitivesThatLeavesKeepAreHitExactly) {
   const std::uint64_t seed = property_seed();
   for (const Scan& scan : {thicket(400, seed), noisy_discs(40, seed)}) {
