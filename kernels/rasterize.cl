@@ -306,15 +306,22 @@ __kernel void rasterize_guests(__global const Run* runs, uint run_count, __globa
   }
 }
 
-// A guest takes a texel that it is nearer to. Where nobody covers a texel's centre the surface turns away or ends: the
-// tile reaches less far.
-__kernel void rasterize_merge(__global uint* keys, __global const uint* guest_keys, uint count, float reach,
-                              float turn_reach, float open_reach) {
-  const uint at = get_global_id(0);
-  if (at >= count) return;
-  const uint own = keys[at], guest = guest_keys[at];
-  const uint key = own >> 24 < guest >> 24 ? guest : own;
-  keys[at] = key < make_key(guest == 0 ? open_reach : turn_reach, reach, 0.0f) ? 0 : key;
+// A guest takes a texel that it is nearer to. Where nobody covers a texel's centre the surface turns away or ends, and the
+// tile reaches less far; but no tile is lost for falling between the texels, none of which is farther off than 0.71.
+__kernel void rasterize_merge(__global const RasterTile* tiles, uint tile_count, __global uint* keys,
+                              __global const uint* guest_keys, float reach, float turn_reach, float open_reach) {
+  const uint k = get_global_id(0);
+  if (k >= tile_count) return;
+  const uint begin = tiles[k].offset, end = begin + tiles[k].width * tiles[k].height;
+  uint highest = 0;
+  for (uint at = begin; at < end; ++at) highest = max(highest, keys[at]);
+  const uint all = highest < make_key(0.0f, reach, 0.0f) ? make_key(0.75f, reach, 0.0f) : UINT_MAX;
+  const uint turn = min(all, make_key(turn_reach, reach, 0.0f)), open = min(all, make_key(open_reach, reach, 0.0f));
+  for (uint at = begin; at < end; ++at) {
+    const uint own = keys[at], guest = guest_keys[at];
+    const uint key = own >> 24 < guest >> 24 ? guest : own;
+    keys[at] = key < (guest == 0 ? open : turn) ? 0 : key;
+  }
 }
 
 // --- signals on the surface -----------------------------------------------------------------------------------------

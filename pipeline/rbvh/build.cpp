@@ -215,20 +215,21 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
                   .cones = false};
     own.references.copy_from(partition.references, primitives.count);
     for (bool is_first = true; !leaves.empty(); is_first = false) {
-      const std::vector<Tile> done = rasterize_tiles(primitives, own, leaves, raster, texels);
-      lap(time.rasterize);
-      std::vector<SplitRequest> requests;
-      for (Tile tile : done) {
+      const auto is_final = [&](Tile& tile) {
         const PartitionNode& node = own.nodes[tile.node];
         tile.is_exact = keeps_primitives(config.hybrid, tile, keeps_discs);
         const bool may_split = keeps_discs || rule.rho * node.sums.area > kFaultFloorTexels;
-        if (!tile.is_exact && node.count() > 1 &&
-            (config.hybrid == Hybrid::kAlways || (tile.is_faulty && may_split))) {
+        return tile.is_exact || node.count() == 1 ||
+               (config.hybrid != Hybrid::kAlways && !(tile.is_faulty && may_split));
+      };
+      std::vector<SplitRequest> requests;
+      for (const Tile& tile : rasterize_tiles(primitives, own, leaves, raster, is_final, texels)) {
+        if (tile.is_final)
+          tiles.push_back(tile);
+        else
           requests.push_back({tile.node, tile.has_back, tile.w});
-          continue;
-        }
-        tiles.push_back(tile);
       }
+      lap(time.rasterize);
       if (is_first && !requests.empty()) sort_references(own, requests);
       split_once(own, primitives, requests);
       leaves.clear();

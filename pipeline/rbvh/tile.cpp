@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 #include "pipeline/base/error.h"
@@ -12,7 +13,7 @@ namespace {
 
 constexpr std::uint32_t kRunLength = 128;
 constexpr std::uint32_t kMaxSide = 4096;
-constexpr float kQuantaPerTexel = 512;
+constexpr float kQuantaPerTexel = 256;
 
 /// A right-handed frame with w along the area-weighted mean normal (the direction of largest projected area);
 /// for what has none, a closed crumb say, along the box's shortest side.
@@ -135,62 +136,113 @@ float tile_resolution(const PartitionNode& node, float rho) {
   return std::sqrt(rho * area * area / std::max(covered_area(node), 1e-30f));
 }
 
-std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
-                                  const std::vector<std::uint32_t>& nodes, const RasterConfig& config,
-                                  TileTexels& texels) {
-  if (nodes.empty()) return {};
-  const Device& device = primitives.device;
-  const std::size_t group = job_group_size(device);
-  std::vector<Run> runs;
-  std::vector<TileAxes> axes(nodes.size());
-  for (std::uint32_t k = 0; k < nodes.size(); ++k) {
-    const PartitionNode& node = partition.nodes[nodes[k]];
-    axes[k] = initial_axes(node);
-    append_runs(runs, k, node.begin, node.end, kRunLength);
-  }
-  const auto run_count = static_cast<std::uint32_t>(runs.size());
-  const Buffer<Run> device_runs(device, runs);
-  std::vector<TileExtents> extents(nodes.size(), no_extents());
-  {
-    const Buffer<TileExtents> device_extents(device, runs.size());
-    device.kernel("rasterize", "rasterize_extents")
-        .run(runs.size(), group, device_runs, run_count, Buffer<TileAxes>(device, axes), partition.references,
-             primitives.shape, primitives.discs ? 1u : 0u, device_extents);
-    const std::vector<TileExtents> partial = device_extents.read();
-    for (std::size_t r = 0; r < runs.size(); ++r) add(extents[runs[r].owner], partial[r]);
-  }
+namespace {
 
-  std::vector<RasterTile> tiles(nodes.size());
+/// Some nodes' tiles while their texels are on the device. Texels keep their places from first to last.
+struct Raster {
+  const Primitives& primitives;
+  const Partition& partition;
+  const RasterConfig& config;
+  std::vector<std::uint32_t> nodes;  ///< one a tile
+  std::vector<RasterTile> tiles;
+  Buffer<std::uint32_t> keys;
   std::uint64_t texel_count = 0;
-  for (std::size_t k = 0; k < nodes.size(); ++k) {
-    tiles[k] = make_raster_tile(partition.nodes[nodes[k]], axes[k], extents[k], config);
-    tiles[k].offset = static_cast<std::uint32_t>(texel_count);
-    texel_count += static_cast<std::uint64_t>(tiles[k].width) * tiles[k].height;
-    if (texel_count > 0xffffffffu)
+
+  const Device& device() const { return primitives.device; }
+  std::size_t group() const { return job_group_size(primitives.device); }
+  std::uint32_t discs() const { return primitives.discs ? 1 : 0; }
+  std::uint32_t tile_count() const { return static_cast<std::uint32_t>(tiles.size()); }
+  const PartitionNode& node(std::size_t k) const { return partition.nodes[nodes[k]]; }
+};
+
+/// Primitives by tile, in runs for work-items of their own.
+struct Runs {
+  Buffer<Run> runs;
+  std::uint32_t count = 0;
+};
+
+Runs own_runs(const Raster& raster) {
+  std::vector<Run> runs;
+  for (std::uint32_t k = 0; k < raster.nodes.size(); ++k)
+    append_runs(runs, k, raster.node(k).begin, raster.node(k).end, kRunLength);
+  return {Buffer<Run>(raster.device(), runs), static_cast<std::uint32_t>(runs.size())};
+}
+
+std::vector<TileExtents> find_extents(const Raster& raster, const Runs& own,
+                                      const std::vector<TileAxes>& axes) {
+  const Buffer<TileExtents> partial(raster.device(), own.count);
+  raster.device()
+      .kernel("rasterize", "rasterize_extents")
+      .run(own.count, raster.group(), own.runs, own.count, Buffer<TileAxes>(raster.device(), axes),
+           raster.partition.references, raster.primitives.shape, raster.discs(), partial);
+  const std::vector<Run> runs = own.runs.read();
+  const std::vector<TileExtents> parts = partial.read();
+  std::vector<TileExtents> extents(raster.nodes.size(), no_extents());
+  for (std::size_t r = 0; r < runs.size(); ++r) add(extents[runs[r].owner], parts[r]);
+  return extents;
+}
+
+void place_texels(Raster& raster, const std::vector<TileAxes>& axes,
+                  const std::vector<TileExtents>& extents) {
+  raster.tiles.resize(raster.nodes.size());
+  for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
+    RasterTile& tile = raster.tiles[k];
+    tile = make_raster_tile(raster.node(k), axes[k], extents[k], raster.config);
+    tile.offset = static_cast<std::uint32_t>(raster.texel_count);
+    raster.texel_count += static_cast<std::uint64_t>(tile.width) * tile.height;
+    if (raster.texel_count > 0xffffffffu)
       throw Error(ExitCode::kBudget, "", "a level needs more than 4 billion texels; lower rho");
   }
-  const auto tile_count = static_cast<std::uint32_t>(tiles.size());
-  const Buffer<RasterTile> device_tiles(device, tiles);
-  Buffer<std::uint32_t> keys(device, texel_count), lowest(device, texel_count), highest(device, texel_count);
-  Buffer<std::uint32_t> backs(device, tiles.size());
-  backs.fill(0);
-  keys.fill(0);
-  lowest.fill(0);
-  highest.fill(0);
-  const std::uint32_t discs = primitives.discs ? 1 : 0;
+}
+
+/// The tiles' own primitives, and what they alone show to be wrong.
+std::vector<Tile> rasterize_heights(Raster& raster, const Runs& own, const std::vector<TileAxes>& axes) {
+  const Device& device = raster.device();
+  const Buffer<RasterTile> tiles(device, raster.tiles);
+  raster.keys = Buffer<std::uint32_t>(device, raster.texel_count);
+  Buffer<std::uint32_t> lowest(device, raster.texel_count), highest(device, raster.texel_count),
+      backs(device, raster.tiles.size());
+  for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest, &backs}) buffer->fill(0);
   device.kernel("rasterize", "rasterize")
-      .run(runs.size(), group, device_runs, run_count, device_tiles, partition.references, primitives.shape,
-           discs, config.reach, keys, lowest, highest, backs);
-
-  const Buffer<TileFaults> device_faults(device, tiles.size());
+      .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
+           raster.primitives.shape, raster.discs(), raster.config.reach, raster.keys, lowest, highest, backs);
+  const Buffer<TileFaults> device_faults(device, raster.tiles.size());
   device.kernel("rasterize", "rasterize_faults")
-      .run(tiles.size(), group, device_tiles, tile_count, keys, lowest, highest, config.layer_gap,
-           config.step_limit, device_faults);
+      .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, lowest, highest,
+           raster.config.layer_gap, raster.config.step_limit, device_faults);
+  const std::vector<TileFaults> faults = device_faults.read();
+  const std::vector<std::uint32_t> back_texels = backs.read();
+  std::vector<Tile> drafts(raster.tiles.size());
+  for (std::size_t k = 0; k < drafts.size(); ++k) {
+    Tile& draft = drafts[k];
+    draft.node = raster.nodes[k];
+    draft.leaf.width = static_cast<std::uint16_t>(raster.tiles[k].width);
+    draft.leaf.height = static_cast<std::uint16_t>(raster.tiles[k].height);
+    draft.leaf.primitives = raster.node(k).count();
+    draft.has_back = back_texels[k] > 0;
+    draft.is_faulty = draft.has_back || faults[k].layered > 0 || faults[k].steps > 0;
+    draft.w = Vec3f(vec(axes[k].w));
+  }
+  return drafts;
+}
 
-  std::vector<GuestQuery> queries(tiles.size());
-  for (std::size_t k = 0; k < tiles.size(); ++k) {
-    const PartitionNode& node = partition.nodes[nodes[k]];
-    const float reach = config.reach * texel_size(tiles[k]);
+/// Leaves the tiles that are not final behind; their texels stay where they are.
+void drop_tiles(Raster& raster, const std::vector<Tile>& drafts) {
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < drafts.size(); ++k) {
+    if (!drafts[k].is_final) continue;
+    raster.nodes[kept] = raster.nodes[k];
+    raster.tiles[kept++] = raster.tiles[k];
+  }
+  raster.nodes.resize(kept);
+  raster.tiles.resize(kept);
+}
+
+Guests guests_of(const Raster& raster) {
+  std::vector<GuestQuery> queries(raster.tiles.size());
+  for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
+    const PartitionNode& node = raster.node(k);
+    const float reach = raster.config.reach * texel_size(raster.tiles[k]);
     for (int c = 0; c < 3; ++c) {
       queries[k].lo[c] = node.sums.lo[c] - reach;
       queries[k].hi[c] = node.sums.hi[c] + reach;
@@ -198,93 +250,134 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
     queries[k].begin = node.begin;
     queries[k].end = node.end;
   }
-  const Guests guests = find_guests(partition, primitives, queries);
-  std::vector<Run> guest_run_list;
-  for (std::uint32_t k = 0; k < tiles.size(); ++k)
-    append_runs(guest_run_list, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
-  const auto guest_run_count = static_cast<std::uint32_t>(guest_run_list.size());
-  const Buffer<Run> guest_runs(device, guest_run_list);
-  {
-    Buffer<std::uint32_t> guest_keys(device, texel_count);
-    guest_keys.fill(0);
-    device.kernel("rasterize", "rasterize_guests")
-        .run(guest_run_count, group, guest_runs, guest_run_count, device_tiles, guests.primitives,
-             primitives.shape, discs, config.reach, config.layer_gap, keys, guest_keys);
-    // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
-    device.kernel("rasterize", "rasterize_merge")
-        .run(texel_count, 256, keys, guest_keys, static_cast<std::uint32_t>(texel_count), config.reach,
-             primitives.discs ? 2 * config.reach : config.turn_reach,
-             primitives.discs ? 2 * config.reach : config.open_reach);
-  }
+  return find_guests(raster.partition, raster.primitives, queries);
+}
 
-  const Buffer<TileRange> device_ranges(device, tiles.size());
+/// The tiles' rims, by what their neighbours have there.
+void merge_guests(const Raster& raster, const Buffer<RasterTile>& tiles, const Guests& guests,
+                  const Runs& runs) {
+  const RasterConfig& config = raster.config;
+  Buffer<std::uint32_t> guest_keys(raster.device(), raster.texel_count);
+  guest_keys.fill(0);
+  raster.device()
+      .kernel("rasterize", "rasterize_guests")
+      .run(runs.count, raster.group(), runs.runs, runs.count, tiles, guests.primitives,
+           raster.primitives.shape, raster.discs(), config.reach, config.layer_gap, raster.keys, guest_keys);
+  // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
+  raster.device()
+      .kernel("rasterize", "rasterize_merge")
+      .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, guest_keys,
+           config.reach, raster.primitives.discs ? 2 * config.reach : config.turn_reach,
+           raster.primitives.discs ? 2 * config.reach : config.open_reach);
+}
+
+/// Heights in the tiles' own quanta; completes the leaves.
+std::vector<std::uint16_t> quantize(const Raster& raster, const Buffer<RasterTile>& device_tiles,
+                                    std::vector<Tile>& finished) {
+  const Device& device = raster.device();
+  const Buffer<TileRange> device_ranges(device, raster.tiles.size());
   device.kernel("rasterize", "rasterize_range")
-      .run(tiles.size(), group, device_tiles, tile_count, keys, device_ranges);
+      .run(raster.tiles.size(), raster.group(), device_tiles, raster.tile_count(), raster.keys,
+           device_ranges);
   const std::vector<TileRange> ranges = device_ranges.read();
-  const std::vector<TileFaults> faults = device_faults.read();
-  const std::vector<std::uint32_t> back_texels = backs.read();
-
-  // lowest and highest have served: the signals take their place.
-  lowest.fill(0);
-  highest.fill(0);
-  const auto signals = [&](const Buffer<Run>& of, std::uint32_t count,
-                           const Buffer<std::uint32_t>& references) {
-    device.kernel("rasterize", "rasterize_signals")
-        .run(count, group, of, count, device_tiles, references, primitives.shape, discs, config.reach, keys,
-             primitives.order, primitives.indices, primitives.normals, primitives.colors,
-             primitives.has_colors ? 1u : 0u, lowest, highest);
-  };
-  signals(device_runs, run_count, partition.references);
-  signals(guest_runs, guest_run_count, guests.primitives);
-  std::vector<std::uint32_t> bases(tiles.size());
-  std::vector<float> scales(tiles.size());
-  for (std::size_t k = 0; k < tiles.size(); ++k) {
+  std::vector<std::uint32_t> bases(raster.tiles.size());
+  std::vector<float> scales(raster.tiles.size());
+  for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
+    const RasterTile& from = raster.tiles[k];
     RBVH_CHECK(ranges[k].used > 0);
     bases[k] = ranges[k].lo;
     // Finer quanta than this fraction of a texel would store noise, and noise does not compress.
     const auto range = static_cast<float>(ranges[k].hi - ranges[k].lo);
-    scales[k] = std::min(65534.0f / std::max(range, 1.0f), kQuantaPerTexel / tiles[k].texel_w);
-  }
-  const Buffer<std::uint16_t> heights(device, texel_count);
-  device.kernel("rasterize", "rasterize_quantize")
-      .run(tiles.size(), group, device_tiles, tile_count, Buffer<std::uint32_t>(device, bases),
-           Buffer<float>(device, scales), keys, heights);
-
-  const std::size_t first = texels.heights.size();
-  texels.heights.resize(first + texel_count);
-  heights.read(std::span(texels.heights).subspan(first));
-  const auto narrow = [&](const Buffer<std::uint32_t>& from, std::vector<std::uint16_t>& to) {
-    const std::vector<std::uint32_t> wide = from.read();
-    to.resize(first + texel_count);
-    std::transform(wide.begin(), wide.end(), to.begin() + static_cast<std::ptrdiff_t>(first),
-                   [](std::uint32_t value) { return static_cast<std::uint16_t>(value); });
-  };
-  narrow(lowest, texels.normals);
-  if (primitives.has_colors) narrow(highest, texels.colors);
-
-  std::vector<Tile> finished(tiles.size());
-  for (std::size_t k = 0; k < tiles.size(); ++k) {
-    const PartitionNode& node = partition.nodes[nodes[k]];
+    scales[k] = std::min(65534.0f / std::max(range, 1.0f), kQuantaPerTexel / from.texel_w);
     Tile& tile = finished[k];
-    tile.node = nodes[k];
-    std::copy(std::begin(tiles[k].to_tile), std::end(tiles[k].to_tile), tile.leaf.to_tile);
+    std::copy(std::begin(from.to_tile), std::end(from.to_tile), tile.leaf.to_tile);
     float* row = tile.leaf.to_tile + 8;
     for (int c = 0; c < 3; ++c) row[c] *= scales[k];
     row[3] = (row[3] - static_cast<float>(bases[k])) * scales[k] + 1.0f;
-    tile.leaf.width = static_cast<std::uint16_t>(tiles[k].width);
-    tile.leaf.height = static_cast<std::uint16_t>(tiles[k].height);
-    tile.leaf.primitives = node.count();
     tile.texels_used = ranges[k].used;
-    tile.first_texel = first + tiles[k].offset;
-    tile.has_back = back_texels[k] > 0;
-    tile.is_faulty = tile.has_back || faults[k].layered > 0 || faults[k].steps > 0;
-    tile.w = Vec3f(vec(axes[k].w));
-    const float rim = 0.25f * texel_size(tiles[k]);
+    const float rim = 0.25f * texel_size(from);
     const Vec3f pad{rim, rim, rim};
-    tile.bounds = node.bounds();
+    tile.bounds = raster.node(k).bounds();
     tile.bounds.lo = tile.bounds.lo - pad;
     tile.bounds.hi = tile.bounds.hi + pad;
   }
+  const Buffer<std::uint16_t> heights(device, raster.texel_count);
+  device.kernel("rasterize", "rasterize_quantize")
+      .run(raster.tiles.size(), raster.group(), device_tiles, raster.tile_count(),
+           Buffer<std::uint32_t>(device, bases), Buffer<float>(device, scales), raster.keys, heights);
+  return heights.read();
+}
+
+/// Appends the tiles' texels, one tile after the other, as 16 bits each.
+template <class T>
+void append_texels(const Raster& raster, const std::vector<T>& from, std::vector<std::uint16_t>& to) {
+  for (const RasterTile& tile : raster.tiles) {
+    const auto first = from.begin() + static_cast<std::ptrdiff_t>(tile.offset);
+    std::transform(first, first + static_cast<std::ptrdiff_t>(tile.width) * tile.height,
+                   std::back_inserter(to), [](T value) { return static_cast<std::uint16_t>(value); });
+  }
+}
+
+/// What the final tiles get beyond their own heights.
+void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels& texels) {
+  const Device& device = raster.device();
+  const Primitives& primitives = raster.primitives;
+  const Buffer<RasterTile> tiles(device, raster.tiles);
+  const Runs own = own_runs(raster);
+  const Guests guests = guests_of(raster);
+  std::vector<Run> guest_runs;
+  for (std::uint32_t k = 0; k < raster.tiles.size(); ++k)
+    append_runs(guest_runs, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
+  const Runs visiting = {Buffer<Run>(device, guest_runs), static_cast<std::uint32_t>(guest_runs.size())};
+  merge_guests(raster, tiles, guests, visiting);
+  const std::vector<std::uint16_t> heights = quantize(raster, tiles, finished);
+
+  Buffer<std::uint32_t> normals(device, raster.texel_count), colors(device, raster.texel_count);
+  normals.fill(0);
+  colors.fill(0);
+  const auto signals = [&](const Runs& of, const Buffer<std::uint32_t>& references) {
+    device.kernel("rasterize", "rasterize_signals")
+        .run(of.count, raster.group(), of.runs, of.count, tiles, references, primitives.shape, raster.discs(),
+             raster.config.reach, raster.keys, primitives.order, primitives.indices, primitives.normals,
+             primitives.colors, primitives.has_colors ? 1u : 0u, normals, colors);
+  };
+  signals(own, raster.partition.references);
+  signals(visiting, guests.primitives);
+
+  std::size_t first = texels.heights.size();
+  for (Tile& tile : finished) {
+    tile.first_texel = first;
+    first += std::size_t{tile.leaf.width} * tile.leaf.height;
+  }
+  append_texels(raster, heights, texels.heights);
+  append_texels(raster, normals.read(), texels.normals);
+  if (primitives.has_colors) append_texels(raster, colors.read(), texels.colors);
+}
+
+}  // namespace
+
+std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
+                                  const std::vector<std::uint32_t>& nodes, const RasterConfig& config,
+                                  const std::function<bool(Tile&)>& is_final, TileTexels& texels) {
+  if (nodes.empty()) return {};
+  Raster raster{primitives, partition, config, nodes, {}, {}, 0};
+  std::vector<Tile> drafts;
+  {
+    const Runs own = own_runs(raster);
+    std::vector<TileAxes> axes(nodes.size());
+    for (std::size_t k = 0; k < nodes.size(); ++k) axes[k] = initial_axes(raster.node(k));
+    place_texels(raster, axes, find_extents(raster, own, axes));
+    drafts = rasterize_heights(raster, own, axes);
+  }
+  std::vector<Tile> finished;
+  for (Tile& draft : drafts) {
+    draft.is_final = is_final(draft);
+    if (draft.is_final) finished.push_back(draft);
+  }
+  drop_tiles(raster, drafts);
+  if (!finished.empty()) finish_tiles(raster, finished, texels);
+  for (const Tile& draft : drafts)
+    if (!draft.is_final) finished.push_back(draft);
   return finished;
 }
 

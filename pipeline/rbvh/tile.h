@@ -2,6 +2,7 @@
 // device.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "kernels/layout.h"
@@ -18,6 +19,7 @@ struct Tile {
   std::uint32_t texels_used = 0;
   std::size_t first_texel = 0;  ///< in TileTexels
   bool is_exact = false;        ///< keeps its primitives
+  bool is_final = false;        ///< else it has no texels yet, and is to be split
   bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
   bool has_back = false;        ///< part of it faces away: better split by facing, along w
   Vec3f w;                      ///< the tile's outside, unit
@@ -30,13 +32,12 @@ struct TileTexels {
 
 struct RasterConfig {
   float rho = 0;            ///< texels per unit of area, scan units: the paper's rho / total area
-  float fill = 1.33f;       ///< the tile's rectangle is taken to be so much larger than what is covered of it
+  float fill = 1.5f;        ///< the tile's rectangle is taken to be so much larger than what is covered of it
   float reach = 2.0f;       ///< texels that a tile reaches past its primitives, where its neighbours' go on
   float turn_reach = 0.9f;  ///< where they turn away: over a crest, say
-  float open_reach = 0.75f;  ///< where nothing does: the surface ends there; no less, lest a point between
-                             ///< four texels be lost
-  float layer_gap = 2;       ///< two coverings of a texel further apart (texels) are two layers
-  float step_limit = 3;      ///< neighbours further apart in height (texels) than this are worth a split
+  float open_reach = 0.6f;  ///< where nothing does: the surface ends there
+  float layer_gap = 2;      ///< two coverings of a texel further apart (texels) are two layers
+  float step_limit = 3;     ///< neighbours further apart in height (texels) than this are worth a split
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.
@@ -46,9 +47,11 @@ inline constexpr float kStepLimitTexels = 16;
 /// allowed to inflate it without bound.
 float tile_resolution(const PartitionNode& node, float rho);
 
-/// Rasterises the given nodes; texels are appended.
+/// Rasterises the given nodes. `is_final` is asked about each tile once its own primitives have shown its
+/// faults (node, size, primitives, faults and w are known) and may mark it exact; final tiles are completed,
+/// their texels appended. Returned: the final ones in the nodes' order, then the others.
 std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
                                   const std::vector<std::uint32_t>& nodes, const RasterConfig& config,
-                                  TileTexels& texels);
+                                  const std::function<bool(Tile&)>& is_final, TileTexels& texels);
 
 }  // namespace rbvh
