@@ -80,7 +80,7 @@ TEST_F(SceneCommand, TheCacheMayBeSmall) {
   ASSERT_EQ(tool("render rock.obj -o few.exr --patch-cache 30K --report r.json" + words).code, 0);
   EXPECT_EQ(read_picture(path("all.exr")).pixels, read_picture(path("few.exr")).pixels);
   EXPECT_NE(read("r.json").find("\"patches_evicted\""), std::string::npos);
-  expect_refused("render rock.obj -o none.exr --aov depth --patch-cache 100", 5, "patch cache");
+  expect_refused("render rock.obj -o none.exr --aov depth --detail 1000 --patch-cache 100", 5, "patch cache");
   EXPECT_FALSE(exists("none.exr"));
 }
 
