@@ -577,8 +577,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.counts = {device, 1};
   state.offsets = {device, std::size_t{state.pair_numbers} + 1};
   state.options = group_options(device) + " -DSTACK=" + std::to_string((stack + 63) / 64 * 64) +
-                  " -DMOST=" + std::to_string(state.config.pairs) +
-                  (state.config.atomics ? " -DATOMICS" : "");
+                  " -DMOST=" + std::to_string(kMostPairs) + (state.config.atomics ? " -DATOMICS" : "");
   set_detail(tracer);
   return tracer;
 }

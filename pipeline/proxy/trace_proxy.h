@@ -33,7 +33,7 @@ struct ProxyConfig {
   std::uint32_t pairs =
       8;  ///< patches that a ray has built for it in a round, one in the first; at most kMostPairs
 };
-inline constexpr std::uint32_t kMostPairs = 16;
+inline constexpr std::uint32_t kMostPairs = 8;
 
 /// Where one of the proxies stands. Its patches are leaves first_leaf, first_leaf + 1 ... of hits.
 struct ProxyInstance {
