@@ -95,6 +95,15 @@ typedef struct RbvhPrimitive {
 } RbvhPrimitive;
 RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
+#define RBVH_CHUNK 8  // primitives that are tested at once
+
+// Primitives of a leaf for tracing, side by side, and the box about them; where there are fewer, NaN.
+typedef struct RbvhChunk {
+  float lo[3], hi[3];
+  float shape[9][RBVH_CHUNK];  // RbvhPrimitive.shape
+} RbvhChunk;
+RBVH_LAYOUT_SIZE(RbvhChunk, 312);
+
 // --- building -------------------------------------------------------------------------------------------------------
 // A run of primitive references of one node or tile: what one work-item handles.
 typedef struct Run {

@@ -31,7 +31,7 @@ typedef struct Tile {
   float step_limit;  // in height quanta
   float top;         // the largest height
   float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
-  uint exact_first, exact_count;  // primitives that stand for the heights, if any
+  uint exact_first, exact_count;  // chunks of primitives that stand for the heights, if any
 } Tile;
 
 // A level, as the first five arguments of every kernel here, and their names in IN_BOUNDS.
@@ -39,14 +39,14 @@ typedef struct Level {
   __global const uint* nodes;
   __global const Tile* tiles;
   __global const ushort* heights;
-  __global const RbvhPrimitive* exact;
+  __global const RbvhChunk* exact;
   uint discs;  // what they are; else triangles
   BOUNDS_MEMBER
 } Level;
 #define NODES 0u, sizeof(uint)
 #define TILES 1u, sizeof(Tile)
 #define HEIGHTS 2u, sizeof(ushort)
-#define EXACT 3u, sizeof(RbvhPrimitive)
+#define EXACT 3u, sizeof(RbvhChunk)
 
 // Sixteen points at a time or one: inside the leaf's box?
 #define INSIDE(tile, x, y, z)                                                                            \
@@ -71,52 +71,66 @@ static inline float any_hi(float16 v) {
 
 // --- leaves that keep their primitives -------------------------------------------------------------------------------
 
-// Where a ray from o, or sixteen, meet a triangle or disc; infinity or NaN for nowhere. Corners are moved along the ray to
-// the plane through o at right angles to it, each by itself, and two triangles that share an edge see the same volume of
-// it with opposite signs (contraction is off): no ray slips between them.
+// Where rays from o meet triangles or discs; infinity or NaN for nowhere: one ray and a chunk's primitives side by side, or
+// sixteen rays and one primitive. Triangles as in Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection" (JCGT 2013): each
+// corner is sheared along the ray onto the plane of two axes by itself, and triangles that share an edge find the same area
+// beside it with opposite signs (contraction is off): no ray slips between them. kz: the axis to shear along.
+// S: what a primitive's words are, D: what a ray's are, F: the wider of the two.
 #pragma OPENCL FP_CONTRACT OFF
-#define DEFINE_MEET(NAME, F)                                                                                      \
-  static inline F NAME(__global const RbvhPrimitive* primitive, uint discs, float3 o, F dx, F dy, F dz) {         \
-    const float3 a = vload3(0, primitive->shape) - o;                                                             \
+#define DEFINE_MEET(NAME, S, D, F, WORD)                                                                          \
+  static inline F NAME(__global const RbvhChunk* c, uint lane, uint discs, const float* o, const D* d, int kz) {  \
     if (discs) {                                                                                                  \
-      const float3 n = vload3(0, primitive->shape + 4);                                                           \
-      const float radius = primitive->shape[3];                                                                   \
-      const F t = dot(n, a) / (n.x * dx + n.y * dy + n.z * dz);                                                   \
-      const F x = dx * t - a.x, y = dy * t - a.y, z = dz * t - a.z;                                               \
-      return select((F)(INFINITY), t, x * x + y * y + z * z <= radius * radius * 1.00002f);                       \
+      const S ax = WORD(0) - o[0], ay = WORD(1) - o[1], az = WORD(2) - o[2];                                      \
+      const S radius = WORD(3), nx = WORD(4), ny = WORD(5), nz = WORD(6);                                         \
+      const F t = (nx * ax + ny * ay + nz * az) / (nx * d[0] + ny * d[1] + nz * d[2]);                            \
+      const F x = d[0] * t - ax, y = d[1] * t - ay, z = d[2] * t - az;                                            \
+      return select((F)(INFINITY), t, x * x + y * y + z * z <= (F)(radius * radius * 1.00002f));                  \
     }                                                                                                             \
-    const float3 b = vload3(1, primitive->shape) - o, c = vload3(2, primitive->shape) - o;                        \
-    const F scale = 1.0f / (dx * dx + dy * dy + dz * dz);                                                         \
-    const F ka = (a.x * dx + a.y * dy + a.z * dz) * scale, kb = (b.x * dx + b.y * dy + b.z * dz) * scale,         \
-            kc = (c.x * dx + c.y * dy + c.z * dz) * scale;                                                        \
-    const F ax = a.x - dx * ka, ay = a.y - dy * ka, az = a.z - dz * ka;                                           \
-    const F bx = b.x - dx * kb, by = b.y - dy * kb, bz = b.z - dz * kb;                                           \
-    const F cx = c.x - dx * kc, cy = c.y - dy * kc, cz = c.z - dz * kc;                                           \
-    const F u = dx * (by * cz - bz * cy) + dy * (bz * cx - bx * cz) + dz * (bx * cy - by * cx);                   \
-    const F v = dx * (cy * az - cz * ay) + dy * (cz * ax - cx * az) + dz * (cx * ay - cy * ax);                   \
-    const F w = dx * (ay * bz - az * by) + dy * (az * bx - ax * bz) + dz * (ax * by - ay * bx);                   \
-    return select((F)(INFINITY), (u * ka + v * kb + w * kc) / (u + v + w),                                        \
+    const int kx = kz == 2 ? 0 : kz + 1, ky = kz == 0 ? 2 : kz - 1;                                               \
+    const D sz = 1.0f / d[kz], sx = d[kx] * sz, sy = d[ky] * sz;                                                  \
+    const S az = WORD(kz) - o[kz], bz = WORD(3 + kz) - o[kz], cz = WORD(6 + kz) - o[kz];                          \
+    const F ax = (WORD(kx) - o[kx]) - sx * az, ay = (WORD(ky) - o[ky]) - sy * az;                                 \
+    const F bx = (WORD(3 + kx) - o[kx]) - sx * bz, by = (WORD(3 + ky) - o[ky]) - sy * bz;                         \
+    const F cx = (WORD(6 + kx) - o[kx]) - sx * cz, cy = (WORD(6 + ky) - o[ky]) - sy * cz;                         \
+    const F u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;                                  \
+    return select((F)(INFINITY), (u * az + v * bz + w * cz) * sz / (u + v + w),                                   \
                   ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f)));         \
   }
-DEFINE_MEET(meet_primitive, float)
-DEFINE_MEET(meet_primitive16, float16)
+#define ALL_WORDS(row) vload8(0, c->shape[row])
+#define ONE_WORD(row) c->shape[row][lane]
+DEFINE_MEET(meet_chunk, float8, float, float8, ALL_WORDS)
+DEFINE_MEET(meet_packet, float, float16, float16, ONE_WORD)
 #pragma OPENCL FP_CONTRACT ON
 
-static inline float3 primitive_normal(__global const RbvhPrimitive* primitive, uint discs) {
-  if (discs) return vload3(0, primitive->shape + 4);
-  const float3 a = vload3(0, primitive->shape);
-  return normalize(cross(vload3(1, primitive->shape) - a, vload3(2, primitive->shape) - a));
-}
+static inline int longest_axis(float x, float y, float z) { return x >= y && x >= z ? 0 : y >= z ? 1 : 2; }
+
+// May the ray, or rays, meet the chunk's box before t? Rounding must not lose a flat one.
+#define DEFINE_NEAR_CHUNK(NAME, F)                                                                                    \
+  static inline F NAME(__global const RbvhChunk* c, float3 o, F ix, F iy, F iz, F tmin, F tmax, F* t_out) {           \
+    const F ax = (c->lo[0] - o.x) * ix, bx = (c->hi[0] - o.x) * ix, ay = (c->lo[1] - o.y) * iy,                       \
+            by = (c->hi[1] - o.y) * iy, az = (c->lo[2] - o.z) * iz, bz = (c->hi[2] - o.z) * iz;                       \
+    *t_out = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), tmax)) * 1.000001f;                                  \
+    return max(max(min(ax, bx), min(ay, by)), max(min(az, bz), tmin)) * 0.999999f;                                    \
+  }
+DEFINE_NEAR_CHUNK(near_chunk, float)
+DEFINE_NEAR_CHUNK(near_chunk16, float16)
 
 // Nearest crossing of the leaf's primitives within (tmin, tmax), or tmax.
 static inline float meet_exact(const Level* level, __global const Tile* tile, float3 o, float3 d, float tmin,
                                float tmax, uint* steps) {
   if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return tmax;
-  __global const RbvhPrimitive* p = level->exact + tile->exact_first;
-  *steps += 1;
+  __global const RbvhChunk* chunks = level->exact + tile->exact_first;
+  const float3 inv = (float3)(1.0f / nonzero(d.x), 1.0f / nonzero(d.y), 1.0f / nonzero(d.z));
+  const float from[3] = {o.x, o.y, o.z}, along[3] = {d.x, d.y, d.z};
+  const int kz = longest_axis(fabs(d.x), fabs(d.y), fabs(d.z));
   for (uint i = 0; i < tile->exact_count; ++i) {
-    const float t = meet_primitive(p + i, level->discs, o, d.x, d.y, d.z);
-    if (t > tmin && t < tmax) tmax = t;
+    float t_out;
+    if (!(near_chunk(chunks + i, o, inv.x, inv.y, inv.z, tmin, tmax, &t_out) <= t_out)) continue;
+    *steps += 1;
+    const float8 t = meet_chunk(chunks + i, 0, level->discs, from, along, kz);
+    const float8 met = select((float8)(tmax), t, (t > tmin) & (t < tmax));
+    const float4 least = min(met.lo, met.hi);
+    tmax = min(min(least.x, least.y), min(least.z, least.w));
   }
   return tmax;
 }
@@ -124,17 +138,27 @@ static inline float meet_exact(const Level* level, __global const Tile* tile, fl
 // The normal of the primitive that was met at t.
 static inline float3 exact_normal(const Level* level, __global const Tile* tile, float3 o, float3 d, float t) {
   if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return -d;
-  __global const RbvhPrimitive* p = level->exact + tile->exact_first;
-  uint nearest = 0;
+  const float3 inv = (float3)(1.0f / nonzero(d.x), 1.0f / nonzero(d.y), 1.0f / nonzero(d.z));
+  const float from[3] = {o.x, o.y, o.z}, along[3] = {d.x, d.y, d.z};
+  const int kz = longest_axis(fabs(d.x), fabs(d.y), fabs(d.z));
+  float3 normal = -d;
   float least = INFINITY;
   for (uint i = 0; i < tile->exact_count; ++i) {
-    const float off = fabs(meet_primitive(p + i, level->discs, o, d.x, d.y, d.z) - t);
-    if (off < least) {
-      least = off;
-      nearest = i;
+    __global const RbvhChunk* c = level->exact + tile->exact_first + i;
+    float t_out;
+    if (!(near_chunk(c, o, inv.x, inv.y, inv.z, t, t, &t_out) <= t_out)) continue;
+    float off[RBVH_CHUNK];
+    vstore8(fabs(meet_chunk(c, 0, level->discs, from, along, kz) - t), 0, off);
+    for (uint k = 0; k < RBVH_CHUNK; ++k) {
+      if (!(off[k] < least)) continue;
+      least = off[k];
+      const float3 p = (float3)(c->shape[0][k], c->shape[1][k], c->shape[2][k]);
+      const float3 q = (float3)(c->shape[3][k], c->shape[4][k], c->shape[5][k]);
+      const float3 r = (float3)(c->shape[6][k], c->shape[7][k], c->shape[8][k]);
+      normal = level->discs ? (float3)(q.y, q.z, r.x) : normalize(cross(q - p, r - p));
     }
   }
-  return primitive_normal(p + nearest, level->discs);
+  return normal;
 }
 
 // --- tiles ----------------------------------------------------------------------------------------------------------
@@ -393,7 +417,7 @@ static inline float trace(const Level* level, float3 o, float3 direction, float 
   }
 }
 
-__kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, __global const RbvhPrimitive* exact, uint discs,
+__kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* tiles, __global const ushort* heights, __global const RbvhChunk* exact, uint discs,
                               __global const Ray* rays, uint count, uint any, __global Hit* hits,
                               __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint i = get_global_id(0);
@@ -413,7 +437,7 @@ __kernel void trace_rbvh_rays(__global const uint* nodes, __global const Tile* t
 
 // One ray a work-item, 8x8 pixels at a time: for devices that are wide by themselves.
 __kernel void trace_rbvh_pixels(__global const uint* nodes, __global const Tile* tiles,
-                                __global const ushort* heights, __global const RbvhPrimitive* exact, uint discs, CameraRays camera, __global Hit* hits,
+                                __global const ushort* heights, __global const RbvhChunk* exact, uint discs, CameraRays camera, __global Hit* hits,
                                 __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint2 pixel = camera_pixel(camera.width, get_global_id(0));
   if (pixel.x >= camera.width || pixel.y >= camera.height) return;
@@ -438,13 +462,24 @@ typedef struct {
 static inline void meet_exact_packet(const Level* level, __global const Tile* tile, int id, float3 o, Packet* rays,
                                      uint* steps) {
   if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return;
-  __global const RbvhPrimitive* p = level->exact + tile->exact_first;
-  *steps += 1;
+  __global const RbvhChunk* chunks = level->exact + tile->exact_first;
+  const float from[3] = {o.x, o.y, o.z};
+  const float16 along[3] = {rays->dx, rays->dy, rays->dz};
+  // Along which no ray is slow.
+  const int kz = longest_axis(any_lo(fabs(rays->dx)), any_lo(fabs(rays->dy)), any_lo(fabs(rays->dz)));
+  // The tiny summand: a zero would make the box's slabs NaN.
+  const float16 ix = 1.0f / (rays->dx + 1e-20f), iy = 1.0f / (rays->dy + 1e-20f), iz = 1.0f / (rays->dz + 1e-20f);
   for (uint i = 0; i < tile->exact_count; ++i) {
-    const float16 t = meet_primitive16(p + i, level->discs, o, rays->dx, rays->dy, rays->dz);
-    const int16 taken = (t > 0.0f) & (t < rays->t);
-    rays->t = select(rays->t, t, taken);
-    rays->leaf = select(rays->leaf, (int16)(id), taken);
+    float16 t_out;
+    const float16 t_in = near_chunk16(chunks + i, o, ix, iy, iz, (float16)(0.0f), rays->t, &t_out);
+    if (lane_bits16(t_in <= t_out) == 0u) continue;
+    *steps += 1;
+    for (uint k = 0; k < RBVH_CHUNK && !isnan(chunks[i].shape[0][k]); ++k) {
+      const float16 t = meet_packet(chunks + i, k, level->discs, from, along, kz);
+      const int16 taken = (t > 0.0f) & (t < rays->t);
+      rays->t = select(rays->t, t, taken);
+      rays->leaf = select(rays->leaf, (int16)(id), taken);
+    }
   }
 }
 
@@ -556,7 +591,7 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
 // 4x4 pixels a work-item. A node's eight boxes are tested once for all sixteen rays by interval arithmetic on 1/d:
 // the rays share their origin.
 __kernel void trace_rbvh_packets(__global const uint* nodes, __global const Tile* tiles,
-                                 __global const ushort* heights, __global const RbvhPrimitive* exact, uint discs, CameraRays camera, __global Hit* hits,
+                                 __global const ushort* heights, __global const RbvhChunk* exact, uint discs, CameraRays camera, __global Hit* hits,
                                  __global uint* steps_out BOUNDS_ARGUMENT) {
   const uint g = get_global_id(0), blocks = (camera.width + 3) / 4;
   const uint bx = (g % blocks) * 4, by = (g / blocks) * 4;

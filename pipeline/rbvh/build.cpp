@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -84,6 +85,28 @@ void sort_references(Partition& partition, const std::vector<SplitRequest>& requ
   partition.references.write(std::span<const std::uint32_t>(references));
 }
 
+/// Puts what lies together into the same RBVH_CHUNK places, by halving along the longest axis.
+void sort_into_chunks(std::span<std::uint32_t> references, const std::vector<float>& shapes, bool discs) {
+  const auto center = [&](std::uint32_t i) {
+    const float* s = shapes.data() + 9 * std::size_t{i};
+    const Vec3f p{s[0], s[1], s[2]};
+    return discs ? p : (p + Vec3f{s[3], s[4], s[5]} + Vec3f{s[6], s[7], s[8]}) * (1.0f / 3);
+  };
+  // By number first: the order they come in depends on what other levels split.
+  std::sort(references.begin(), references.end());
+  if (references.size() <= RBVH_CHUNK) return;
+  Bounds3f box;
+  for (const std::uint32_t i : references) box.add(center(i));
+  const Vec3f e = box.extent();
+  const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
+  std::stable_sort(references.begin(), references.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return center(a)[axis] < center(b)[axis]; });
+  const std::size_t chunks = (references.size() + RBVH_CHUNK - 1) / RBVH_CHUNK,
+                    middle = chunks / 2 * RBVH_CHUNK;
+  sort_into_chunks(references.first(middle), shapes, discs);
+  sort_into_chunks(references.subspan(middle), shapes, discs);
+}
+
 /// The primitives of the tiles that keep them.
 void keep_primitives(Level& level, const std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
                      const Partition& partition, const Primitives& primitives) {
@@ -97,8 +120,7 @@ void keep_primitives(Level& level, const std::vector<Tile>& tiles, const std::ve
       shapes = primitives.shape.read();
     }
     const PartitionNode& node = partition.nodes[tile.node];
-    // In an order that does not depend on what other levels split.
-    std::sort(references.begin() + node.begin, references.begin() + node.end);
+    sort_into_chunks(std::span(references).subspan(node.begin, node.count()), shapes, primitives.discs);
     level.exact_leaves.push_back({leaf, static_cast<std::uint32_t>(level.exact_primitives.size())});
     for (std::uint32_t i = node.begin; i < node.end; ++i) {
       RbvhPrimitive& primitive = level.exact_primitives.emplace_back();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
+#include <span>
 
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/tile.h"
@@ -26,6 +28,28 @@ struct DeviceTile {
 static_assert(sizeof(DeviceTile) == 96);
 
 std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
+
+/// Appends a leaf's primitives, RBVH_CHUNK side by side.
+void append_chunks(std::span<const RbvhPrimitive> primitives, bool discs, std::vector<RbvhChunk>& chunks) {
+  for (std::size_t i = 0; i < primitives.size(); ++i) {
+    const std::size_t lane = i % RBVH_CHUNK;
+    const float* shape = primitives[i].shape;
+    if (lane == 0) {
+      RbvhChunk& chunk = chunks.emplace_back();
+      std::fill_n(&chunk.shape[0][0], 9 * RBVH_CHUNK, std::numeric_limits<float>::quiet_NaN());
+      std::fill_n(chunk.lo, 3, std::numeric_limits<float>::max());
+      std::fill_n(chunk.hi, 3, std::numeric_limits<float>::lowest());
+    }
+    RbvhChunk& chunk = chunks.back();
+    for (std::size_t row = 0; row < 9; ++row) chunk.shape[row][lane] = shape[row];
+    for (int axis = 0; axis < 3; ++axis) {
+      const float p = shape[axis], q = discs ? p - shape[3] : shape[axis + 3],
+                  r = discs ? p + shape[3] : shape[axis + 6];
+      chunk.lo[axis] = std::min({chunk.lo[axis], p, q, r});
+      chunk.hi[axis] = std::max({chunk.hi[axis], p, q, r});
+    }
+  }
+}
 
 float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
 
@@ -53,6 +77,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   std::vector<const RbvhNode*> boxes(level.leaves.size());
   for (const RbvhNode& node : level.nodes)
     if (node.count == 1) boxes[node.first] = &node;
+  std::vector<RbvhChunk> chunks;
   auto exact = level.exact_leaves.begin();
   for (const RbvhLeaf& leaf : level.leaves) {
     const RbvhNode& box = *boxes[static_cast<std::size_t>(&leaf - level.leaves.data())];
@@ -73,8 +98,10 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
     }
     if (exact != level.exact_leaves.end() &&
         exact->leaf == static_cast<std::size_t>(&leaf - level.leaves.data())) {
-      tile.exact_first = exact++->first;
-      tile.exact_count = leaf.primitives;
+      tile.exact_first = static_cast<std::uint32_t>(chunks.size());
+      append_chunks(std::span(level.exact_primitives).subspan(exact++->first, leaf.primitives),
+                    level.exact_discs, chunks);
+      tile.exact_count = static_cast<std::uint32_t>(chunks.size()) - tile.exact_first;
     }
     const auto words = std::bit_cast<std::array<std::uint32_t, 24>>(tile);
     leaves.insert(leaves.end(), words.begin(), words.end());
@@ -82,8 +109,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   heights.push_back(0);  // the kernels may read one texel past the last
   tracer.leaves = Buffer<std::uint32_t>(device, leaves);
   tracer.heights = Buffer<std::uint16_t>(device, heights);
-  tracer.exact = level.exact_primitives.empty() ? Buffer<RbvhPrimitive>(device, 1)
-                                                : Buffer<RbvhPrimitive>(device, level.exact_primitives);
+  tracer.exact = chunks.empty() ? Buffer<RbvhChunk>(device, 1) : Buffer<RbvhChunk>(device, chunks);
   return tracer;
 }
 

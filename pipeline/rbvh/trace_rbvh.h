@@ -16,8 +16,8 @@ struct RbvhTracer {
   Buffer<std::uint32_t> nodes8, nodes16;  ///< wide nodes, see kernels/trace_rbvh.cl
   Buffer<std::uint32_t> leaves;
   Buffer<std::uint16_t> heights;
-  Buffer<RbvhPrimitive> exact;  ///< what leaves keep in place of heights
-  std::uint32_t discs = 0;      ///< those are discs, not triangles
+  Buffer<RbvhChunk> exact;  ///< what leaves keep in place of heights
+  std::uint32_t discs = 0;  ///< those are discs, not triangles
 };
 
 RbvhTracer make_rbvh_tracer(const Device& device, const Level& level);
