@@ -8,6 +8,7 @@
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
+#include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/rbvh/build.h"
@@ -174,6 +175,7 @@ void run_build(Context& context, const BuildOptions& options) {
   Scan scan;
   std::uint64_t hash = 0;
   {
+    refuse_proxy(options.file);
     const InputBytes bytes = read_input(options.file);
     check_budget(context, bytes.size * 3, options.file, "reading it");
     hash = hash_bytes(bytes.view());

@@ -78,6 +78,7 @@ void report_exact(Context& context, const ExactConfig& config) {
 }
 
 void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Subject& subject) {
+  if (subject.scene()) return;  // whichever of its objects are scans
   if (subject.rbvh()) {
     if (options.tracer || options.builder)
       throw Error(ExitCode::kUsage, subject.path, "--tracer and --builder are for scans; this is a pair");

@@ -1,7 +1,8 @@
-// rbvh info: what a pair or a scan holds.
+// rbvh info: what a pair, a proxy or a scan holds.
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <map>
 #include <memory>
 #include <set>
 
@@ -9,8 +10,10 @@
 #include "cli/measure.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
+#include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
+#include "pipeline/proxy/proxy_surface.h"
 
 namespace rbvh {
 namespace {
@@ -172,6 +175,67 @@ std::string pair_text(const Json& json) {
   return text;
 }
 
+// --- proxies
+// ------------------------------------------------------------------------------------------------------
+
+Json proxy_json(const std::string& path) {
+  ProxyHeader header;
+  const Proxy proxy = load_proxy(path, &header);
+  Bounds3f base;
+  for (const Vec3f& p : proxy.positions) base.add(p);
+  std::uint64_t texels = 0;
+  float longest = 0;
+  std::map<std::uint32_t, std::uint64_t> sides;
+  for (const PatchTile& tile : proxy.tiles) {
+    texels += std::uint64_t{tile.side} * tile.side;
+    longest = std::max(longest, tile.longest_displacement);
+    ++sides[tile.side];
+  }
+  Json json = {{"file", path},
+               {"kind", "proxy"},
+               {"format", fmt::format("{}.{}", header.major, header.minor)},
+               {"bytes", header.bytes()},
+               {"mesh", {{"bytes", header.mesh_bytes}, {"hash", hex(header.mesh_hash)}}},
+               {"map",
+                {{"file", proxy_map_path(path)},
+                 {"bytes", header.map_bytes},
+                 {"hash", hex(header.map_hash)},
+                 {"size", {proxy.map_width, proxy.map_height}}}},
+               {"source",
+                {{"name", header.source.name},
+                 {"hash", hex(header.source.hash)},
+                 {"shift", vec_json(header.source.shift)}}},
+               {"vertices", proxy.positions.size()},
+               {"patches", proxy.quads.size()},
+               {"texels", texels},
+               {"longest_displacement", float_json(longest)},
+               {"base_bounds", bounds_json(base)},
+               {"bounds", bounds_json(surface_bounds(proxy))},
+               {"tiles", Json::array()}};
+  for (const auto& [side, patches] : sides) json["tiles"].push_back({{"side", side}, {"patches", patches}});
+  return json;
+}
+
+std::string proxy_text(const Json& json) {
+  const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
+  const Json &source = json["source"], &map = json["map"];
+  std::string text = printable(json["file"].get<std::string>()) + ": proxy, format " +
+                     json["format"].get<std::string>() + ", " + bytes(json["bytes"]) + " (mesh " +
+                     bytes(json["mesh"]["bytes"]) + ", map " + bytes(map["bytes"]) + ")\n";
+  text += "source   " + printable(source["name"].get<std::string>()) + " (" +
+          source["hash"].get<std::string>() + ")\n";
+  text += "base     " + json["patches"].dump() + " patches, " + json["vertices"].dump() + " vertices, " +
+          bounds_text(json["base_bounds"]) + "\n";
+  text += "surface  " + bounds_text(json["bounds"]) + ", displaced by up to " +
+          fmt::format("{:.6g}", json["longest_displacement"].get<double>()) + "\n";
+  text += "shift    " + vec_text(source["shift"]) + "\n";
+  text += fmt::format("map      {} x {}, {} texels in tiles of", map["size"][0].dump(), map["size"][1].dump(),
+                      json["texels"].dump());
+  for (const Json& tile : json["tiles"])
+    text += fmt::format(" {} x {} ({})", tile["side"].dump(), tile["side"].dump(), tile["patches"].dump());
+  return text + "\n";
+}
+
 // --- scans
 // --------------------------------------------------------------------------------------------------------
 
@@ -234,11 +298,12 @@ std::string scan_text(const Json& json) {
 }
 
 void run_info(const std::string& path, bool as_json) {
-  const bool is_pair = is_rbvh(path);
-  const Json json = is_pair ? pair_json(path) : scan_json(path);
-  print_data(as_json   ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
-             : is_pair ? pair_text(json)
-                       : scan_text(json));
+  const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path);
+  const Json json = is_pair ? pair_json(path) : is_of_quads ? proxy_json(path) : scan_json(path);
+  print_data(as_json       ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
+             : is_pair     ? pair_text(json)
+             : is_of_quads ? proxy_text(json)
+                           : scan_text(json));
 }
 
 }  // namespace
@@ -249,10 +314,10 @@ void add_info(CLI::App& app, Context& context) {
     bool as_json = false;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* stage =
-      add_stage(app, context, {"info", "Say what a pair or a scan holds", "rbvh info dragon.rbvh --json"}, 0,
-                [options] { run_info(options->file, options->as_json); });
-  stage->add_option("FILE", options->file, "an .rbvh, or a scan (-: standard input)")->required();
+  CLI::App* stage = add_stage(
+      app, context, {"info", "Say what a pair, a proxy or a scan holds", "rbvh info dragon.rbvh --json"}, 0,
+      [options] { run_info(options->file, options->as_json); });
+  stage->add_option("FILE", options->file, "an .rbvh, a proxy, or a scan (-: standard input)")->required();
   stage->add_flag("--json", options->as_json, "as JSON");
 }
 

@@ -7,6 +7,7 @@
 #include "cli/common.h"
 #include "cli/stages.h"
 #include "io/output_file.h"
+#include "io/proxy_file.h"
 #include "io/scan_io.h"
 
 namespace rbvh {
@@ -64,6 +65,7 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
     std::error_code no_size;
     const std::uintmax_t size = std::filesystem::file_size(inputs[i], no_size);
     if (!no_size) check_budget(context, size, inputs[i], "reading it");
+    refuse_proxy(inputs[i]);
     RawScan scan = read_scan(inputs[i]);
     for (const std::string& text : scan.notes) warn(context, inputs[i] + ": " + text);
     try {

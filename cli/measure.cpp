@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "io/image.h"
+#include "pipeline/proxy/proxy_surface.h"
 #include "pipeline/render/difference.h"
 #include "pipeline/render/shade.h"
 
@@ -232,6 +233,19 @@ std::string find_difference(const LevelFidelity& stored, const LevelFidelity& fo
       return fmt::format("{:.3g} {}, where the file says {:.3g}", f.is * f.scale, f.name, f.was * f.scale);
   }
   return {};
+}
+
+ProxyMeasure measure_proxy(const Proxy& proxy, const Scan& scan) {
+  const TriangleSoup from = surface_of(scan), to = surface_of(proxy);
+  return {sampled_distance(to, ClosestPoint(from), kDistanceSamples),
+          sampled_distance(from, ClosestPoint(to), kDistanceSamples), bounds(scan).diagonal()};
+}
+
+nlohmann::ordered_json proxy_measure_json(const ProxyMeasure& measure) {
+  const auto json = [&](const DistanceStatistics& d) -> nlohmann::ordered_json {
+    return {{"rms_percent", 100 * d.rms / measure.diagonal}, {"max_percent", 100 * d.max / measure.diagonal}};
+  };
+  return {{"proxy_to_scan", json(measure.to_scan)}, {"scan_to_proxy", json(measure.to_proxy)}};
 }
 
 }  // namespace rbvh

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cli/subject.h"
+#include "pipeline/proxy/proxy.h"
 #include "pipeline/rbvh/fidelity.h"
 #include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/render/image_error.h"
@@ -54,5 +55,15 @@ double error_percent(const LevelFidelity& fidelity);
 /// A figure that is worse than the file says, in words ("3 holes, where the file says 0"), or nothing: beyond
 /// what another device's rounding could explain. Both measured, with the same views.
 std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found);
+
+/// A proxy's distance to the scan, both ways.
+struct ProxyMeasure {
+  DistanceStatistics to_scan, to_proxy;  ///< scan units
+  double diagonal = 0;                   ///< of the scan
+};
+ProxyMeasure measure_proxy(const Proxy& proxy, const Scan& scan);
+
+/// {"proxy_to_scan": {"rms_percent", "max_percent"}, "scan_to_proxy": ...}, in percent of the diagonal.
+nlohmann::ordered_json proxy_measure_json(const ProxyMeasure& measure);
 
 }  // namespace rbvh

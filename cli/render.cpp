@@ -1,4 +1,4 @@
-// rbvh render: previews of pairs and scans, ray cast.
+// rbvh render: previews of pairs, scans, proxies and scenes, ray cast.
 #include <filesystem>
 #include <memory>
 #include <set>
@@ -29,6 +29,8 @@ struct RenderOptions {
   Aov aov = Aov::kShaded;
   std::string color_layer;  // empty: the surface's own colours
   int samples = 0;          // 0: the AOV's default
+  SceneConfig scene;
+  std::optional<std::uint32_t> tessellate;  // the level
 };
 
 Aov parse_aov(std::string_view text) {
@@ -45,6 +47,14 @@ std::vector<ExactTraversal> parse_compared(std::string_view text) {
     throw Error(ExitCode::kUsage, "",
                 "'" + std::string(text) + "' is not two tracers, such as wide16,bvh-stack");
   return tracers;
+}
+
+std::uint32_t parse_tessellate(std::string_view text) {
+  const std::int64_t level = parse_integer(text);
+  if (level < 0 || level > PATCH_MOST_LEVEL)
+    throw Error(ExitCode::kUsage, "",
+                "'" + std::string(text) + "' is not between 0 and " + std::to_string(PATCH_MOST_LEVEL));
+  return static_cast<std::uint32_t>(level);
 }
 
 int parse_samples(std::string_view text) {
@@ -130,9 +140,10 @@ class Renderer {
 
   void render_file(const std::string& path) {
     Stopwatch watch;
-    const Subject subject = load_subject(context_, path);
-    if (subject.rbvh() && !options_.compared.empty())
-      throw Error(ExitCode::kUsage, path, "--compare is for scans; this is a pair");
+    const Subject subject = load_subject(context_, path, options_.tessellate);
+    if (!subject.scan() && !options_.compared.empty())
+      throw Error(ExitCode::kUsage, path,
+                  std::string("--compare is for scans; this is a ") + (subject.rbvh() ? "pair" : "scene"));
     for (const ExactConfig& config : configs_) check_exact_options(options_.exact, config, subject);
     const std::vector<std::string> levels = choose_levels(subject, options_.levels, true);
     const std::vector<Camera> cameras =
@@ -161,8 +172,10 @@ class Renderer {
       watch.lap();
       std::vector<Caster> casters;
       for (const ExactConfig& config : configs_) {
-        casters.push_back(make_caster(*device_, subject, level, config));
-        if (subject.rbvh()) break;
+        SceneConfig scene = options_.scene;
+        scene.exact = config;
+        casters.push_back(make_caster(*device_, subject, level, scene));
+        if (!subject.scan()) break;
       }
       device_->finish();
       timings_.upload += watch.lap();
@@ -179,6 +192,7 @@ class Renderer {
         ++counts_.images;
         note_output(name);
       }
+      report_proxies(context_, casters[0]);
     }
   }
 
@@ -197,8 +211,9 @@ class Renderer {
       timings_.trace += watch.lap();
       counts_.rays += hits.size();
       if (is_shaded) {
-        SurfaceSamples surface = subject.rbvh() ? sample_pair(*subject.rbvh(), level, caster, hits)
-                                                : sample_surface(*subject.scan(), normals, hits);
+        SurfaceSamples surface = subject.scene()  ? sample_surface(*subject.scene(), hits)
+                                 : subject.rbvh() ? sample_pair(*subject.rbvh(), level, caster, hits)
+                                                  : sample_surface(*subject.scan(), normals, hits);
         if (!options_.color_layer.empty()) color_by_layer(subject, level, hits, surface);
         const Vec3d up = options_.camera.up.value_or(subject.up_axis());
         add(sum, shade(rays, hits, surface, static_cast<Vec3f>(up)), 1 / static_cast<float>(samples));
@@ -289,11 +304,11 @@ class Renderer {
 void add_render(CLI::App& app, Context& context) {
   const auto options = std::make_shared<RenderOptions>();
   CLI::App* stage = add_stage(app, context,
-                              {"render", "Ray cast previews of pairs and scans",
+                              {"render", "Ray cast previews of pairs, scans, proxies and scenes",
                                "rbvh render dragon.rbvh -o '{name}-{level}.png' --level all"},
                               kWithOutput | kWithDevice | kWithReport,
                               [&context, options] { Renderer(context, *options).run(); });
-  stage->add_option("FILE", options->files, ".rbvh pairs or scans")->required();
+  stage->add_option("FILE", options->files, ".rbvh pairs, scans, proxies or scenes (.json)")->required();
   add_level_option(*stage, options->levels, true);
   add_parsed(*stage, "--aov", options->aov, parse_aov, "WHAT",
              "shaded (default), normal, depth, position, leaf or steps; depth and position go to .exr");
@@ -306,6 +321,9 @@ void add_render(CLI::App& app, Context& context) {
              "rays a pixel of a shaded picture (default: 4); 1 is the pixel's centre");
   add_parsed(*stage, "--color-layer", options->color_layer, parse_layer_name, "NAME",
              "shades a pair in the colours of a layer of your own: from dark blue (least) to yellow (most)");
+  add_proxy_options(*stage, options->scene, true);
+  add_parsed(*stage, "--tessellate", options->tessellate, parse_tessellate, "N",
+             "proxies as triangles instead, of at most 2^N micro-quads a side of a patch");
   add_camera_options(*stage, options->camera);
 }
 

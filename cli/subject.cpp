@@ -8,8 +8,12 @@
 #include <filesystem>
 #include <fstream>
 
+#include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
+#include "io/scene_file.h"
+#include "pipeline/proxy/proxy_surface.h"
+#include "pipeline/proxy/tessellate.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/ingest.h"
 
@@ -22,6 +26,9 @@ namespace fs = std::filesystem;
 constexpr std::uint64_t kScanBytesPerFileByte = 3;
 // An atlas is compressed on disk; a pair is checked, unpacked and laid out for the device.
 constexpr std::uint64_t kPairBytesPerFileByte = 6;
+// A map is in memory as it was read and on the device; compressed to half on disk.
+constexpr std::uint64_t kProxyBytesPerFileByte = 5;
+constexpr std::uint64_t kBytesPerTwinTriangle = 120;  // mesh, hierarchy and what builds it
 constexpr std::uint64_t kMostNumbers = 1u << 24;
 constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
 
@@ -37,6 +44,66 @@ const Level& level_of(const Subject& subject, const std::string& level) {
   return *found;
 }
 
+Rbvh load_pair(Context& context, const std::string& path) {
+  check_budget(context, (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte, path,
+               "reading it");
+  return read_rbvh(path);
+}
+
+/// A proxy or, where it is to be tessellated, a scan.
+SceneObject load_proxy_object(Context& context, const std::string& path, std::optional<std::uint32_t> most) {
+  check_budget(context, (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte, path,
+               "reading it");
+  SceneObject object;
+  Proxy proxy = load_proxy(path);
+  object.bounds = surface_bounds(proxy);
+  if (!most) {
+    object.content = std::move(proxy);
+    return object;
+  }
+  std::uint64_t triangles = 0;
+  for (const std::uint32_t level : uniform_levels(proxy, *most)) triangles += std::uint64_t{2} << 2 * level;
+  check_budget(context, triangles * kBytesPerTwinTriangle, path, "tessellating it");
+  object.content = tessellate(proxy, *most);
+  return object;
+}
+
+SceneObject load_object(Context& context, const SceneFile::Object& file, std::optional<std::uint32_t> most) {
+  const bool is_pair = is_rbvh(file.path);
+  if (!file.level.empty() && !is_pair)
+    throw Error(ExitCode::kInput, file.path,
+                "object \"" + file.name + "\" names a level, and this is no pair");
+  SceneObject object;
+  if (is_pair) {
+    Rbvh rbvh = load_pair(context, file.path);
+    const Level* level = rbvh.find_level(file.level);
+    if (level == nullptr)
+      throw Error(ExitCode::kInput, file.path,
+                  "there is no level '" + file.level + "' for object \"" + file.name + "\"");
+    object.bounds = rbvh.source.bounds;
+    object.content = std::move(rbvh.levels[static_cast<std::size_t>(level - rbvh.levels.data())]);
+  } else if (is_proxy(file.path)) {
+    object = load_proxy_object(context, file.path, most);
+  } else {
+    Scan scan = load_exact_scan(context, file.path);
+    object.bounds = bounds(scan);
+    object.content = std::move(scan);
+  }
+  object.name = file.name;
+  return object;
+}
+
+Scene load_scene(Context& context, const std::string& path, std::optional<std::uint32_t> most) {
+  const SceneFile file = read_scene(path);
+  Scene scene;
+  scene.z_is_up = file.z_is_up;
+  for (const SceneFile::Object& object : file.objects)
+    scene.objects.push_back(load_object(context, object, most));
+  for (const SceneFile::Instance& instance : file.instances)
+    scene.instances.push_back({static_cast<std::uint32_t>(instance.object), instance.to_world});
+  return scene;
+}
+
 }  // namespace
 
 bool is_rbvh(const std::string& path) {
@@ -48,6 +115,7 @@ bool is_rbvh(const std::string& path) {
 }
 
 Scan load_exact_scan(Context& context, const std::string& path) {
+  refuse_proxy(path);
   check_budget(context, file_bytes(path) * kScanBytesPerFileByte, path, "reading it");
   Scan scan = shift_to_float(read_scan(path));
   check_usable(scan, path);
@@ -55,17 +123,30 @@ Scan load_exact_scan(Context& context, const std::string& path) {
   return scan;
 }
 
-Subject load_subject(Context& context, const std::string& path) {
+Subject load_subject(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate) {
   Subject subject;
   subject.path = path;
   subject.name = path == "-" ? "stdin" : fs::path(path).stem().string();
   if (is_rbvh(path)) {
-    check_budget(context, (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte, path,
-                 "reading it");
-    Rbvh rbvh = read_rbvh(path);
+    Rbvh rbvh = load_pair(context, path);
     subject.bounds = rbvh.source.bounds;
     subject.is_cloud = rbvh.source.triangles == 0;
     subject.content = std::move(rbvh);
+  } else if (is_scene(path)) {
+    Scene scene = load_scene(context, path, tessellate);
+    subject.bounds = bounds(scene);
+    subject.content = std::move(scene);
+  } else if (path != "-" && is_proxy(path)) {
+    SceneObject object = load_proxy_object(context, path, tessellate);
+    subject.bounds = object.bounds;
+    if (object.scan() != nullptr) {
+      subject.content = std::move(std::get<Scan>(object.content));
+    } else {
+      Scene scene;
+      scene.objects.push_back(std::move(object));
+      scene.instances.push_back({});
+      subject.content = std::move(scene);
+    }
   } else {
     Scan scan = load_exact_scan(context, path);
     subject.bounds = bounds(scan);
@@ -78,7 +159,7 @@ Subject load_subject(Context& context, const std::string& path) {
 std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
                                        bool has_auto) {
   const Rbvh* rbvh = subject.rbvh();
-  if (!rbvh) return {"exact"};
+  if (!rbvh) return {subject.scan() ? "exact" : "scene"};
   std::vector<std::string> present;
   for (const Level& level : rbvh->levels) present.push_back(level.name);
   if (wanted.empty()) return {present.front()};
@@ -104,6 +185,8 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
   std::uint64_t leaves = 0;
   if (const Scan* scan = subject.scan())
     leaves = scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
+  else if (const Scene* scene = subject.scene())
+    leaves = first_leaves(*scene).back();
   else if (level == "auto")
     for (const Level& each : subject.rbvh()->levels) leaves += each.leaves.size();
   else
@@ -115,10 +198,11 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
 }
 
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
-                   const ExactConfig& exact, float spread) {
+                   const SceneConfig& config, float spread) {
   if (subject.rbvh() && level == "auto") return make_footprint_tracer(device, *subject.rbvh(), spread);
   if (subject.rbvh()) return make_rbvh_tracer(device, level_of(subject, level));
-  return make_exact_tracer(device, *subject.scan(), exact);
+  if (const Scene* scene = subject.scene()) return make_scene_tracer(device, *scene, config);
+  return make_exact_tracer(device, *subject.scan(), config.exact);
 }
 
 SurfaceSamples sample_pair(const Rbvh& rbvh, const std::string& level, const Caster& caster,
@@ -190,6 +274,48 @@ void for_each_file(Context& context, const std::vector<std::string>& paths,
     throw Error(
         failed == paths.size() ? first : ExitCode::kBatch, "",
         std::to_string(failed) + " of " + std::to_string(paths.size()) + " files failed, as said above");
+}
+
+void add_proxy_options(CLI::App& stage, SceneConfig& config, bool pictures) {
+  stage
+      .add_option_function<std::string>(
+          "--patch-cache",
+          [&config](const std::string& text) {
+            try {
+              config.proxy.cache_bytes = parse_bytes(text);
+            } catch (const Error& error) {
+              throw Error(ExitCode::kUsage, "", std::string("--patch-cache: ") + error.what());
+            }
+          },
+          "most that proxies' patch hierarchies may take on the device at once (default: 256M)")
+      ->type_name("SIZE");
+  if (!pictures) return;
+  stage
+      .add_option_function<std::string>(
+          "--detail",
+          [&config](const std::string& text) {
+            config.pixels = parse_number(text);
+            if (!(config.pixels > 0))
+              throw Error(ExitCode::kUsage, "", "--detail: '" + text + "' is not above 0");
+          },
+          "pixels that a proxy's micro-quads may measure (default: 1)")
+      ->type_name("PIXELS");
+}
+
+void report_proxies(Context& context, const Caster& caster) {
+  const SceneTracer* scene = std::get_if<SceneTracer>(&caster);
+  const ProxyTracer* tracer = scene != nullptr ? proxy_tracer(*scene) : nullptr;
+  if (tracer == nullptr) return;
+  const ProxyStats& s = stats(*tracer);
+  const ProxyBytes b = bytes(*tracer);
+  context.report["proxies"] = {{"pairs", s.pairs},
+                               {"patches_built", s.built},
+                               {"micro_quads_built", s.built_leaves},
+                               {"patches_evicted", s.evicted},
+                               {"base_bytes", b.base},
+                               {"map_bytes", b.maps},
+                               {"cache_bytes", b.cache},
+                               {"cached_bytes", b.cached}};
 }
 
 void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {

@@ -1,5 +1,5 @@
-// What rays are cast at: a level of an .rbvh pair, or a scan of any ingest format, uncleaned, as exact
-// triangles or discs.
+// What rays are cast at: a level of an .rbvh pair; a scan of any ingest format, uncleaned, as exact triangles
+// or discs; a proxy; or a scene of all of these.
 #pragma once
 
 #include <optional>
@@ -15,34 +15,40 @@
 #include "pipeline/rbvh/trace_rbvh.h"
 #include "pipeline/render/shade.h"
 #include "pipeline/scan/scan.h"
+#include "pipeline/scene/scene.h"
+#include "pipeline/scene/trace_scene.h"
 
 namespace rbvh {
 
 struct Subject {
   std::string path;
-  std::string name;  ///< without folders and extension
-  std::variant<Rbvh, Scan> content;
+  std::string name;                         ///< without folders and extension
+  std::variant<Rbvh, Scan, Scene> content;  ///< a proxy is a scene of one object
   Bounds3f bounds;
   bool is_cloud = false;
 
   const Rbvh* rbvh() const { return std::get_if<Rbvh>(&content); }
   const Scan* scan() const { return std::get_if<Scan>(&content); }
-  Vec3d up_axis() const { return is_cloud ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}; }
+  const Scene* scene() const { return std::get_if<Scene>(&content); }
+  Vec3d up_axis() const {
+    return is_cloud || (scene() && scene()->z_is_up) ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0};
+  }
 };
 
 /// True for a file that starts as an .rbvh does, or is named as one.
 bool is_rbvh(const std::string& path);
 
-/// Reads a pair or a scan ("-": a scan from standard input). A cloud gets the normals and radii that it
-/// lacks. Throws Error(kInput), also where nothing finite is left or all points are equal.
-Subject load_subject(Context& context, const std::string& path);
+/// Reads a pair, a scan ("-": from standard input), a proxy or a scene and all its objects. A cloud gets the
+/// normals and radii that it lacks. `tessellate`: proxies become triangles, up to 2^tessellate micro-quads a
+/// side of a patch. Throws Error(kInput), also where nothing finite is left or all points are equal.
+Subject load_subject(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate = {});
 
 /// Reads a scan as load_subject() does.
 Scan load_exact_scan(Context& context, const std::string& path);
 
-/// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact".
-/// Throws Error(kUsage) for a level that is not there. With `has_auto`, "auto" (alone) is one: each ray sees
-/// the level that its footprint asks for.
+/// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact";
+/// for proxies and scenes: "scene". Throws Error(kUsage) for a level that is not there. With `has_auto`,
+/// "auto" (alone) is one: each ray sees the level that its footprint asks for.
 std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
                                        bool has_auto = false);
 
@@ -50,12 +56,12 @@ std::vector<std::string> choose_levels(const Subject& subject, const std::vector
 /// pictures do.
 void check_leaf_numbers(const Subject& subject, const std::string& level);
 
-using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer>;
+using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer, SceneTracer>;
 
-/// `level` is one of choose_levels(); `exact` is how a scan is cast; `spread`: of "auto", see
+/// `level` is one of choose_levels(); `config` is how scans and proxies are cast; `spread`: of "auto", see
 /// FootprintTracer.
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
-                   const ExactConfig& exact = {}, float spread = 0);
+                   const SceneConfig& config = {}, float spread = 0);
 
 /// The pair's surface at the hits of such a caster.
 SurfaceSamples sample_pair(const Rbvh& rbvh, const std::string& level, const Caster& caster,
@@ -71,6 +77,12 @@ std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
 /// errors stop at once.
 void for_each_file(Context& context, const std::vector<std::string>& paths,
                    const std::function<void(const std::string&)>& work);
+
+/// --patch-cache and, where pictures are made, --detail.
+void add_proxy_options(CLI::App& stage, SceneConfig& config, bool pictures);
+
+/// Says in the report what casting proxies took. Nothing where there are none.
+void report_proxies(Context& context, const Caster& caster);
 
 /// --level: given several times, or with commas, or "all".
 void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);

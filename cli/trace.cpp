@@ -31,6 +31,7 @@ struct TraceOptions {
   std::vector<std::string> levels;
   ExactOptions exact;
   std::optional<double> cone;  // degrees
+  SceneConfig scene;
   bool any = false;
 };
 
@@ -89,8 +90,10 @@ void run_trace(Context& context, const TraceOptions& options) {
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
+  SceneConfig config = options.scene;
+  config.exact = exact;
   const Caster caster =
-      make_caster(device, subject, level, exact,
+      make_caster(device, subject, level, config,
                   static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360)));
   device.finish();
   const double upload_seconds = watch.lap();
@@ -135,6 +138,7 @@ void run_trace(Context& context, const TraceOptions& options) {
                       " rays are not finite or have no direction; they miss");
   context.report["device"] = device_json(device.info());
   if (subject.scan()) report_exact(context, exact);
+  report_proxies(context, caster);
   context.report["timings"] = {{"load", load_seconds}, {"upload", upload_seconds}, {"trace", cast_seconds}};
   context.report["counts"] = {{"rays", rays.rows},
                               {"hits", found},
@@ -153,7 +157,7 @@ void add_trace(CLI::App& app, Context& context) {
                                "rbvh trace dragon.rbvh --rays rays.npy -o hits.npy"},
                               kWithOutput | kWithDevice | kWithReport,
                               [&context, options] { run_trace(context, *options); });
-  stage->add_option("FILE", options->file, "an .rbvh pair, or a scan")->required();
+  stage->add_option("FILE", options->file, "an .rbvh pair, a scan, a proxy or a scene (.json)")->required();
   stage
       ->add_option(
           "--rays", options->rays,
@@ -167,6 +171,7 @@ void add_trace(CLI::App& app, Context& context) {
              "with --level auto: how wide rays are, full angle; each sees the coarsest level whose texels it "
              "covers");
   add_exact_options(*stage, options->exact);
+  add_proxy_options(*stage, options->scene, false);
 }
 
 }  // namespace rbvh

@@ -10,6 +10,7 @@
 #include "cli/measure.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
+#include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 
@@ -177,11 +178,28 @@ std::string fidelity_text(const Json& list) {
   return text;
 }
 
+Json proxy_json(const Proxy& proxy) {
+  std::uint64_t texels = 0;
+  for (const PatchTile& tile : proxy.tiles) texels += std::uint64_t{tile.side} * tile.side;
+  return {{"kind", "proxy"}, {"patches", proxy.quads.size()}, {"texels", texels}};
+}
+
+std::string distance_text(const Json& distance) {
+  std::string text;
+  for (const auto& [name, value] : distance.items())
+    text += fmt::format("{}: rms {:.4f}%, max {:.3f}% of the diagonal\n", name,
+                        value["rms_percent"].get<double>(), value["max_percent"].get<double>());
+  return text;
+}
+
 // What is to be said of a file that is whole; throws its first fault.
-Json check_file(const std::string& file, const std::optional<Subject>& pair) {
+Json check_file(const std::string& file, const std::optional<Subject>& pair,
+                const std::optional<Proxy>& proxy) {
   Json json = {{"file", file}, {"valid", true}};
   if (pair) {
     json.update(pair_json(*pair->rbvh()));
+  } else if (proxy) {
+    json.update(proxy_json(*proxy));
   } else {
     const RawScan scan = read_scan(file);
     json.update({{"kind", scan.triangles.empty() ? "cloud" : "mesh"},
@@ -202,22 +220,31 @@ void run_validate(Context& context, const ValidateOptions& options) {
   const auto print = [](const Json& json) {
     print_data(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   };
-  const bool is_pair = is_rbvh(options.file);
-  if (!is_pair && !options.against.empty())
+  const bool is_pair = is_rbvh(options.file), is_of_quads = is_proxy(options.file);
+  if (!is_pair && !is_of_quads && !options.against.empty())
     throw Error(ExitCode::kUsage, options.file,
-                "--against compares the levels of an .rbvh, and this is a scan");
+                "--against compares the levels of an .rbvh, or a proxy, and this is a scan");
   std::optional<Subject> pair;
+  std::optional<Proxy> proxy;
+  ProxyHeader header;
   Json json;
   try {
     if (is_pair) pair = load_subject(context, options.file);
-    json = check_file(options.file, pair);
+    if (is_of_quads) proxy = load_proxy(options.file, &header);
+    json = check_file(options.file, pair, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.code() == ExitCode::kInput)
       print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
     throw;
   }
   if (!options.as_json) print_data(file_text(json));
-  if (!options.against.empty()) {
+  if (proxy && !options.against.empty()) {
+    Scan scan = load_exact_scan(context, options.against);
+    move_to_shift(scan, header.source.shift);
+    json["against"] = options.against;
+    json["distance"] = proxy_measure_json(measure_proxy(*proxy, scan));
+    if (!options.as_json) print_data(distance_text(json["distance"]));
+  } else if (!options.against.empty()) {
     json["against"] = options.against;
     json["views"] = options.views.views;
     json["resolution"] = options.views.resolution;
@@ -232,10 +259,10 @@ void run_validate(Context& context, const ValidateOptions& options) {
 void add_validate(CLI::App& app, Context& context) {
   const auto options = std::make_shared<ValidateOptions>();
   CLI::App* stage = add_stage(app, context,
-                              {"validate", "Check a file; measure a pair against its scan",
+                              {"validate", "Check a file; measure a pair or a proxy against its scan",
                                "rbvh validate dragon.rbvh --against dragon.ply"},
                               kWithDevice, [&context, options] { run_validate(context, *options); });
-  stage->add_option("FILE", options->file, "an .rbvh, or a scan (-: standard input)")->required();
+  stage->add_option("FILE", options->file, "an .rbvh, a proxy, or a scan (-: standard input)")->required();
   stage
       ->add_option("--against", options->against,
                    "the scan: casts the same rays at both, from views around the object")

@@ -10,25 +10,11 @@
 //
 // STACK: entries that any ray can need.
 #include "exact_query.h"
-#include "lanes.h"
+#include "wide16_node.h"
 
 #define NODE ExactNode
 #define PRIMITIVE ExactBlock
 #include "exact_tree.h"
-
-// Children met between tmin and `limit`, as bits; where in `entry`.
-static inline uint meet_children(__global const ExactNode* node, const Query* q, float limit,
-                                 float16* entry) {
-#define PLANES(row, i, offset) \
-  mad(vload16(0, node->planes[q->row[i]]), (float16)(q->inverse[i]), (float16)(q->offset[i]))
-  const float16 enter = max(max(PLANES(near_row, 0, near_offset), PLANES(near_row, 1, near_offset)),
-                            max(PLANES(near_row, 2, near_offset), (float16)(q->tmin)));
-  const float16 leave = min(min(PLANES(far_row, 0, far_offset), PLANES(far_row, 1, far_offset)),
-                            min(PLANES(far_row, 2, far_offset), (float16)(limit)));
-#undef PLANES
-  *entry = enter;
-  return lane_bits16(enter <= leave);
-}
 
 // Takes the lanes in `mask` over into `found` where they are nearer.
 static inline bool take_nearest(uint mask, float8 t8, float8 u8, float8 v8, __global const ExactBlock* blocks,
@@ -134,42 +120,6 @@ static inline bool meet_block(__global const ExactBlock* blocks, uint block, con
 }
 #endif
 
-// Takes the nearest of the children in `mask` (not 0), puts the others on the stack, farthest first.
-static inline uint take_children(__global const ExactNode* node, uint mask, float16 entry, uint* stack,
-                                 float* stack_t, uint* depth_inout) {
-  uint lane = lowest_bit(mask);
-  mask &= mask - 1;
-  uint next = node->children[lane];
-  if (mask == 0) return next;
-  float t[16];
-  vstore16(entry, 0, t);
-  float next_t = t[lane];
-  uint depth = *depth_inout;
-  const uint bottom = depth;
-  for (; mask != 0; mask &= mask - 1) {
-    lane = lowest_bit(mask);
-    uint far = node->children[lane];
-    float far_t = t[lane];
-    if (far_t < next_t) {
-      const uint swap = next;
-      const float swap_t = next_t;
-      next = far;
-      next_t = far_t;
-      far = swap;
-      far_t = swap_t;
-    }
-    uint at = depth++;
-    for (; at > bottom && stack_t[at - 1] < far_t; --at) {
-      stack[at] = stack[at - 1];
-      stack_t[at] = stack_t[at - 1];
-    }
-    stack[at] = far;
-    stack_t[at] = far_t;
-  }
-  *depth_inout = depth;
-  return next;
-}
-
 static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) {
   uint stack[STACK];
   float stack_t[STACK];
@@ -185,7 +135,7 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
       __global const ExactNode* node = tree->nodes + current;
       float16 entry;
       const uint mask = meet_children(node, q, found->t, &entry);
-      if (mask != 0) next = take_children(node, mask, entry, stack, stack_t, &depth);
+      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
     while (next == 0) {
       if (depth == 0) return visited;
@@ -361,7 +311,7 @@ static uint2 traverse_packet(const Tree* tree, const Packet* p, Found16* found) 
       __global const ExactNode* node = tree->nodes + current;
       float16 entry;
       const uint mask = meet_children_packet(node, p, limit, &entry);
-      if (mask != 0) next = take_children(node, mask, entry, stack, stack_t, &depth);
+      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
     while (next == 0) {
       if (depth == 0) return visited;

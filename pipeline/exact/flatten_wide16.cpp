@@ -83,11 +83,11 @@ void fill_block(const Bvh& bvh, const BvhNode& leaf, const Scan& scan, ExactBloc
 
 }  // namespace
 
-Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
-  Wide16Layout layout;
-  layout.scene.root = EXACT_LEAF_BIT;  // the empty block
+Wide16Nodes flatten_wide16_nodes(const Bvh& bvh) {
+  Wide16Nodes layout;
+  layout.scene.root = EXACT_LEAF_BIT;
   layout.nodes.resize(1);
-  std::vector<std::uint32_t> leaves;  // binary leaf of block i + 1
+  std::vector<std::uint32_t>& leaves = layout.leaves;
   struct Open {
     std::uint32_t binary, stack;  ///< stack: entries in use when it is visited
   };
@@ -127,7 +127,16 @@ Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
     }
     first = next;
   }
+  return layout;
+}
 
+Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {
+  Wide16Nodes wide = flatten_wide16_nodes(bvh);
+  Wide16Layout layout;
+  layout.scene = wide.scene;
+  layout.nodes = std::move(wide.nodes);
+  layout.stack = wide.stack;
+  const std::vector<std::uint32_t>& leaves = wide.leaves;
   layout.blocks.assign(leaves.size() + 1, empty_block());
   parallel_for(leaves.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)

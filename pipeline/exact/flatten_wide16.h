@@ -10,6 +10,16 @@
 
 namespace rbvh {
 
+/// The nodes alone: a child that is a leaf is EXACT_LEAF_BIT | i for the binary node leaves[i - 1], and i = 0
+/// for an unused slot, whose box is far away.
+struct Wide16Nodes {
+  ExactScene scene{};
+  std::vector<ExactNode> nodes;  ///< at least one
+  std::vector<std::uint32_t> leaves;
+  std::uint32_t stack = 1;  ///< entries that a traversal can need at most
+};
+Wide16Nodes flatten_wide16_nodes(const Bvh& bvh);
+
 struct Wide16Layout {
   ExactScene scene{};
   std::vector<ExactNode> nodes;    ///< at least one

@@ -16,7 +16,6 @@ namespace {
 constexpr std::size_t kRows = 8;
 
 // The look. Colours are linear light.
-constexpr Vec3f kClay{0.50f, 0.455f, 0.41f};
 constexpr Vec3f kBackTint{0.55f, 0.60f, 0.70f};  // the inside of a surface is darker and cooler
 constexpr Vec3f kKey{0.92f, 0.88f, 0.82f}, kSky{0.34f, 0.39f, 0.47f}, kGround{0.08f, 0.07f, 0.06f};
 constexpr float kFill = 0.10f, kRim = 0.16f, kGloss = 0.06f, kGlossExponent = 24;

@@ -18,7 +18,10 @@ enum class Aov { kShaded, kNormal, kDepth, kPosition, kLeaf, kSteps };
 /// "shaded", "normal" ..., or nothing for any other word.
 std::optional<Aov> find_aov(std::string_view name);
 
-/// What is shown of the surface at each hit, row by row. Colours are linear light; empty: neutral clay.
+/// What surfaces without colours are made of, in linear light.
+inline constexpr Vec3f kClay{0.50f, 0.455f, 0.41f};
+
+/// What is shown of the surface at each hit, row by row. Colours are linear light; empty: kClay.
 struct SurfaceSamples {
   std::vector<Vec3f> normals;  ///< smooth, unit, unflipped; zero where nothing is hit
   std::vector<Vec3f> colors;

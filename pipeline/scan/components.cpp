@@ -1,6 +1,7 @@
 #include "pipeline/scan/components.h"
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/sets.h"
 #include "pipeline/scan/clean.h"
 #include "pipeline/scan/compact.h"
 #include "pipeline/scan/neighbors.h"
@@ -9,25 +10,6 @@ namespace rbvh {
 namespace {
 
 constexpr std::size_t kNeighbors = 16;
-
-class Sets {
- public:
-  explicit Sets(std::size_t count) : parent_(count) {
-    for (std::size_t i = 0; i < count; ++i) parent_[i] = static_cast<std::uint32_t>(i);
-  }
-  std::uint32_t find(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
 
 void connect_faces(const Scan& scan, Sets& sets) {
   const std::vector<std::uint32_t> first = first_equal_vertices(scan, false);

@@ -1,26 +1,16 @@
 // Whole chains through the binary on a small mesh and a small cloud.
-#include <OpenImageIO/imageio.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "io/npy.h"
+#include "tests/picture.h"
 #include "tests/run_tool.h"
 
 namespace rbvh {
 namespace {
 
 using Json = nlohmann::json;
-
-struct Picture {
-  int width = 0, height = 0, channels = 0;
-  std::vector<std::string> names;
-  std::vector<float> pixels;
-  const float* at(int x, int y) const {
-    return &pixels[static_cast<std::size_t>((y * width + x) * channels)];
-  }
-};
 
 class Chain : public ToolTest {
  protected:
@@ -35,16 +25,7 @@ class Chain : public ToolTest {
     EXPECT_EQ(run.err, "") << words;
   }
   void build() { good("build ball.ply -o ball.rbvh"); }
-  Picture picture(const std::string& name) const {
-    const auto in = OIIO::ImageInput::open(path(name));
-    EXPECT_TRUE(in) << name;
-    if (!in) return {};
-    const OIIO::ImageSpec& spec = in->spec();
-    Picture p{spec.width, spec.height, spec.nchannels, spec.channelnames, {}};
-    p.pixels.resize(static_cast<std::size_t>(p.width * p.height * p.channels));
-    EXPECT_TRUE(in->read_image(0, 0, 0, -1, OIIO::TypeDesc::FLOAT, p.pixels.data()));
-    return p;
-  }
+  Picture picture(const std::string& name) const { return read_picture(path(name)); }
   static constexpr const char* kFront =
       " --camera-position 0,0,6 --camera-focal-point 0,0,0 --resolution 65,33";
 };

@@ -35,6 +35,7 @@ TEST_F(Usage, NoPathIsBothReadAndWritten) {
   expect_usage_error("build a.ply -o b.rbvh --report b.rbvh", "is named twice");
   expect_usage_error("build a.ply -o b.rbvh --report b.atlas.tif", "is named twice");
   expect_usage_error("trace a.ply --rays r.npy -o a.ply -f", "is named twice");
+  expect_usage_error("proxy a.ply -o a.obj --report a.vdm.exr", "is named twice");
   expect_usage_error("render a.ply -o a.png --report a.ply -f", "is named twice");
 }
 
@@ -91,7 +92,7 @@ TEST_F(Usage, CamerasThatSeeNothingAreRefused) {
 TEST_F(Usage, HelpAndVersionGoToStdout) {
   EXPECT_EQ(tool("--version").out.substr(0, 5), "rbvh ");
   EXPECT_NE(tool("--help").out.find("Example:"), std::string::npos);
-  for (const char* stage : {"build", "render", "trace", "info", "validate", "devices"}) {
+  for (const char* stage : {"build", "proxy", "render", "trace", "info", "validate", "devices"}) {
     const ToolRun run = tool(std::string(stage) + " --help");
     EXPECT_EQ(run.code, 0) << stage;
     EXPECT_EQ(run.err, "") << stage;

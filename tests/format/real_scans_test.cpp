@@ -2,6 +2,9 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "pipeline/proxy/bake.h"
+#include "pipeline/proxy/check_proxy.h"
+#include "pipeline/proxy/proxy_surface.h"
 #include "pipeline/scan/ingest.h"
 #include "tests/scan_bytes.h"
 
@@ -34,6 +37,20 @@ TEST_F(RealScans, Dragon) {
             871414u);
   EXPECT_LT(counts_.cleaned.zero_area_faces, 200u);
   EXPECT_EQ(scan.shift, Vec3d{});
+}
+
+TEST_F(RealScans, BunnyAsAProxy) {
+  LOAD_OR_SKIP("stanford-bunny.obj");
+  const Scan scan = ingested(std::move(raw));
+  BakeConfig config;
+  config.max_patches = 500;
+  BakeReport counts;
+  const Proxy proxy = bake_proxy(scan, path_, config, counts);
+  EXPECT_EQ(find_fault(proxy), std::nullopt);
+  const TriangleSoup from = surface_of(scan), to = surface_of(proxy);
+  const double diagonal = bounds(scan).diagonal();
+  EXPECT_LT(sampled_distance(from, ClosestPoint(to), 20'000).rms, 1e-4 * diagonal);
+  EXPECT_LT(sampled_distance(to, ClosestPoint(from), 20'000).rms, 1e-4 * diagonal);
 }
 
 TEST_F(RealScans, TerrainLosesNothing) {

@@ -3,6 +3,8 @@
 #include "exact_layout.h"
 #include "layout.h"
 #include "linked_layout.h"
+#include "patch_layout.h"
+#include "scene_layout.h"
 
 #define SIZE(type) out[n++] = (uint)sizeof(type);
 #define FIELD(type, field) out[n++] = (uint)(size_t)(&((__private type*)0)->field);

@@ -1,0 +1,300 @@
+// rbvh proxy: from a mesh to quads with a vector displacement map.
+#include <spdlog/fmt/fmt.h>
+
+#include <bit>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "cli/common.h"
+#include "cli/measure.h"
+#include "cli/stages.h"
+#include "io/hash.h"
+#include "io/input_file.h"
+#include "io/polygon_obj.h"
+#include "io/proxy_file.h"
+#include "io/scan_io.h"
+#include "io/vdm_image.h"
+#include "pipeline/proxy/bake.h"
+#include "pipeline/proxy/import_vdm.h"
+#include "pipeline/scan/ingest.h"
+
+namespace rbvh {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What a bake has in memory at its peak, beside the file, as measured.
+constexpr std::uint64_t kBytesPerTriangle = 480;
+
+struct VdmOptions {
+  std::string map;  // empty: none, so a mesh is baked
+  std::optional<VdmSpace> space;
+  std::optional<std::array<VdmAxis, 3>> order;
+  std::optional<double> scale, midlevel;
+  std::string preset;
+
+  bool any() const { return space || order || scale || midlevel || !preset.empty(); }
+};
+
+struct ProxyOptions {
+  std::string file;
+  VdmOptions vdm;
+  std::optional<std::uint32_t> max_side;
+  std::optional<int> patches;
+  std::optional<double> max_error_percent;
+  std::optional<double> detail, min_component;
+};
+
+double parse_percent(std::string_view text) {
+  const double percent = parse_number(text);
+  if (!(percent > 0 && percent <= 100))
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0 and up to 100 percent");
+  return percent;
+}
+
+double parse_percent_as_fraction(std::string_view text) { return parse_percent(text) / 100; }
+
+double parse_component(std::string_view text) {
+  const double percent = parse_number(text);
+  if (!(percent >= 0 && percent <= 100))
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not 0 to 100 percent");
+  return percent / 100;
+}
+
+std::uint32_t parse_side(std::string_view text) {
+  const std::int64_t side = parse_integer(text);
+  if (side < 3 || side > 1025 || !std::has_single_bit(static_cast<std::uint64_t>(side - 1)))
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of 3, 5, 9, 17, 33, 65 ... 1025");
+  return static_cast<std::uint32_t>(side);
+}
+
+VdmSpace parse_space(std::string_view text) {
+  if (text == "object") return VdmSpace::kObject;
+  if (text == "world") return VdmSpace::kWorld;
+  if (text == "tangent") return VdmSpace::kTangent;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of object, world and tangent");
+}
+
+struct Input {
+  Scan scan;
+  ProxySource source;
+};
+
+Input read_mesh(Context& context, const ProxyOptions& options) {
+  Input input;
+  refuse_proxy(options.file);
+  const InputBytes bytes = read_input(options.file);
+  check_budget(context, bytes.size * 3, options.file, "reading it");
+  input.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
+  input.source.hash = hash_bytes(bytes.view());
+  input.scan = shift_to_float(parse_scan(bytes.view(), options.file));
+  input.source.shift = input.scan.shift;
+  check_usable(input.scan, options.file);
+  for (std::size_t i = 0; i < input.scan.positions.size(); ++i)
+    if (!is_finite(input.scan.positions[i]))
+      throw Error(ExitCode::kInput, options.file,
+                  "vertex " + std::to_string(i) + " is not finite; run rbvh ingest on it first");
+  check_budget(context, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
+  return input;
+}
+
+nlohmann::ordered_json counts_json(const BakeReport& counts) {
+  return {{"triangles_in", counts.triangles_in},
+          {"flat_triangles", counts.mesh.flat_triangles},
+          {"small_components", counts.mesh.small_components},
+          {"small_component_triangles", counts.mesh.small_triangles},
+          {"cut_edges", counts.mesh.cut_edges},
+          {"cut_vertices", counts.mesh.cut_vertices},
+          {"open_edges", counts.mesh.open_edges},
+          {"components", counts.mesh.components},
+          {"base_triangles", counts.base_triangles},
+          {"alone_triangles", counts.alone_triangles},
+          {"folded_steps", counts.folded_steps},
+          {"patches", counts.patches},
+          {"patches_of_level", counts.patches_of_level},
+          {"patches_at_limit", counts.patches_at_limit},
+          {"texels", counts.texels},
+          {"projected_texels", counts.projected_texels}};
+}
+
+void run_bake(Context& context, const ProxyOptions& options) {
+  BakeConfig config;
+  if (options.detail) config.detail = *options.detail;
+  if (options.min_component) config.min_component = *options.min_component;
+  if (options.max_side) config.max_side = *options.max_side;
+  if (options.max_error_percent) {
+    config.max_error = *options.max_error_percent / 100;
+    config.max_patches = 0;
+  }
+  if (options.patches) config.max_patches = static_cast<std::uint64_t>(*options.patches);
+  Stopwatch watch;
+  const Input input = read_mesh(context, options);
+  const double load_seconds = watch.lap();
+  BakeReport counts;
+  const Proxy proxy = bake_proxy(input.scan, options.file, config, counts, context.progress.callback());
+  const double bake_seconds = watch.lap();
+  const ProxyHeader header = save_proxy(context.output, proxy, input.source, context.force);
+  const double write_seconds = watch.lap();
+  const nlohmann::ordered_json distance = proxy_measure_json(measure_proxy(proxy, input.scan));
+  const double measure_seconds = watch.lap();
+
+  auto& report = context.report;
+  report["timings"] = {{"load", load_seconds},        {"bake", bake_seconds},
+                       {"join", counts.join_seconds}, {"decimate", counts.decimate_seconds},
+                       {"pair", counts.pair_seconds}, {"sample", counts.sample_seconds},
+                       {"write", write_seconds},      {"measure", measure_seconds}};
+  report["counts"] = counts_json(counts);
+  report["distortion"] = {{"stretch_median", counts.stretch_median},
+                          {"stretch_p95", counts.stretch_p95},
+                          {"area_p95", counts.area_p95}};
+  report["longest_displacement"] = counts.longest_displacement;
+  report["distance"] = distance;
+  report["bytes"] = {
+      {"mesh", header.mesh_bytes}, {"map", header.map_bytes}, {"sidecar", header.sidecar_bytes}};
+  const ManifoldCounts& mesh = counts.mesh;
+  if (mesh.small_components > 0)
+    note(context, fmt::format("left out: {} small components ({} triangles)", mesh.small_components,
+                              mesh.small_triangles));
+  if (mesh.cut_edges > 0)
+    note(context, fmt::format("{} edges are no surface's: more than two triangles meet there, or two that "
+                              "turn opposite ways; cut",
+                              mesh.cut_edges));
+  note(context,
+       fmt::format(
+           "rbvh proxy: wrote {} ({} patches, {} texels, {}; RMS distance {:.2g}% to the scan, {:.2g}% "
+           "back)",
+           context.output, counts.patches, counts.texels, format_bytes(header.bytes()),
+           distance["proxy_to_scan"]["rms_percent"].get<double>(),
+           distance["scan_to_proxy"]["rms_percent"].get<double>()));
+}
+
+// --- assets of other programs
+// ---------------------------------------------------------------------------------------
+
+VdmConvention convention_of(const VdmOptions& options) {
+  VdmConvention convention;
+  if (!options.preset.empty())
+    convention = vdm_preset(options.preset, options.space.value_or(VdmSpace::kTangent));
+  if (options.space) convention.space = *options.space;
+  if (options.order) convention.order = *options.order;
+  if (options.scale) convention.scale = *options.scale;
+  if (options.midlevel) convention.midlevel = *options.midlevel;
+  return convention;
+}
+
+void warn_of(Context& context, const std::string& file, const ImportReport& counts) {
+  const auto say = [&](std::uint64_t count, const std::string& what) {
+    if (count > 0) warn(context, file + ": " + std::to_string(count) + " " + what);
+  };
+  say(counts.split_faces, "faces are no quads; every face was split around its middle");
+  say(counts.dropped_faces, "faces with fewer than three different corners were left out");
+  say(counts.zero_area_patches, "patches have no area");
+  say(counts.bad_texels, "texels are not finite; they displace nothing");
+  say(counts.overlapping_patches, "patches overlap others in the map");
+  say(counts.coarser_patches, "patches have fewer texels than the map; allow more by --max-side");
+  say(counts.long_patches,
+      "patches are displaced by more than the object is long; is --vdm-scale or --vdm-midlevel right?");
+}
+
+void run_import(Context& context, const ProxyOptions& options) {
+  if (options.patches || options.max_error_percent || options.detail || options.min_component)
+    throw Error(
+        ExitCode::kUsage, "",
+        "--patches, --max-error, --detail and --min-component are for baking a scan, and --vdm brings a map");
+  ImportConfig config;
+  config.convention = convention_of(options.vdm);
+  if (options.max_side) config.max_side = *options.max_side;
+  Stopwatch watch;
+  ProxySource source;
+  PolygonMesh mesh;
+  {
+    const InputBytes bytes = read_input(options.file);
+    check_budget(context, bytes.size * 6, options.file, "reading it");
+    source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
+    source.hash = hash_bytes(bytes.view());
+    mesh = read_polygon_obj(bytes.view(), input_name(options.file));
+  }
+  const VdmMap map = read_vdm_map(options.vdm.map);
+  const double load_seconds = watch.lap();
+  ImportReport counts;
+  const Proxy proxy = import_vdm(mesh, map, config, input_name(options.file), counts);
+  source.shift = counts.shift;
+  const double import_seconds = watch.lap();
+  const ProxyHeader header = save_proxy(context.output, proxy, source, context.force);
+  auto& report = context.report;
+  report["timings"] = {{"load", load_seconds}, {"import", import_seconds}, {"write", watch.lap()}};
+  report["counts"] = {{"faces", counts.faces},
+                      {"patches", counts.patches},
+                      {"texels", counts.texels},
+                      {"split_faces", counts.split_faces},
+                      {"dropped_faces", counts.dropped_faces},
+                      {"zero_area_patches", counts.zero_area_patches},
+                      {"bad_texels", counts.bad_texels},
+                      {"welded_edges", counts.welded_edges},
+                      {"overlapping_patches", counts.overlapping_patches},
+                      {"coarser_patches", counts.coarser_patches},
+                      {"long_patches", counts.long_patches}};
+  report["longest_displacement"] = counts.longest_displacement;
+  report["bytes"] = {
+      {"mesh", header.mesh_bytes}, {"map", header.map_bytes}, {"sidecar", header.sidecar_bytes}};
+  warn_of(context, options.file, counts);
+  note(context,
+       fmt::format("rbvh proxy: wrote {} ({} patches, {} texels, {}; {} seams welded)", context.output,
+                   counts.patches, counts.texels, format_bytes(header.bytes()), counts.welded_edges));
+}
+
+void run_proxy(Context& context, const ProxyOptions& options) {
+  if (options.vdm.map.empty() && options.vdm.any())
+    throw Error(ExitCode::kUsage, "", "--vdm-... say how to read a map; name it by --vdm MAP");
+  check_paths_differ(context, {options.file, options.vdm.map},
+                     {context.output, proxy_map_path(context.output), proxy_sidecar_path(context.output)});
+  check_proxy_output(context.output, context.force);
+  options.vdm.map.empty() ? run_bake(context, options) : run_import(context, options);
+}
+
+}  // namespace
+
+void add_proxy(CLI::App& app, Context& context) {
+  const auto options = std::make_shared<ProxyOptions>();
+  CLI::App* stage =
+      add_stage(app, context,
+                {"proxy", "Make a proxy of a mesh: quads and a vector displacement map",
+                 "rbvh proxy dragon.ply -o dragon.obj --patches 3000"},
+                kWithOutput | kWithReport, [&context, options] { run_proxy(context, *options); });
+  stage
+      ->add_option("FILE", options->file,
+                   "a mesh of any ingest format; with --vdm an OBJ (-: standard input)")
+      ->required();
+  add_parsed(*stage, "--patches", options->patches, parse_positive, "N",
+             "at most this many patches (default: 3000, or with --max-error as few as it allows)");
+  add_parsed(*stage, "--max-error", options->max_error_percent, parse_percent, "PERCENT",
+             "how far the base quads' corners may simplify the surface, RMS in % of the diagonal");
+  add_parsed(
+      *stage, "--detail", options->detail, parse_percent_as_fraction, "PERCENT",
+      "texels are fine enough that twice as many would change the surface by no more than this, RMS in "
+      "% of the diagonal (default: 0.006)");
+  add_parsed(*stage, "--max-side", options->max_side, parse_side, "N",
+             "texels a side of a patch's tile at most, 2^k + 1 (default: 129; with --vdm 257)");
+  add_parsed(*stage, "--min-component", options->min_component, parse_component, "PERCENT",
+             "leave out parts with less than this share of the area (default: 0.1; 0: keep all)");
+  stage
+      ->add_option(
+          "--vdm", options->vdm.map,
+          "FILE is another program's base mesh (OBJ), and this its displacement map (EXR, PNG, TIFF): three "
+          "channels are vectors, one is heights along the normal")
+      ->type_name("MAP");
+  add_parsed(*stage, "--vdm-space", options->vdm.space, parse_space, "SPACE",
+             "of the map's vectors: object, world or tangent (default: object; with --vdm-preset tangent)");
+  add_parsed(
+      *stage, "--vdm-order", options->vdm.order, parse_vdm_order, "XYZ",
+      "what R, G and B hold: x, y, z, or t, b, n in tangent space, with - where turned round (default: xyz)");
+  add_parsed(*stage, "--vdm-scale", options->vdm.scale, parse_number, "S",
+             "what the map's values are multiplied by (default: 1)");
+  add_parsed(*stage, "--vdm-midlevel", options->vdm.midlevel, parse_number, "M",
+             "the map's value for no displacement (default: 0)");
+  stage->add_option("--vdm-preset", options->vdm.preset, "order and midlevel as this program documents them")
+      ->type_name("blender|mudbox|arnold|vray|moonray");
+}
+
+}  // namespace rbvh

@@ -1,0 +1,152 @@
+#include "io/vdm_image.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "io/input_file.h"
+#include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
+
+namespace rbvh {
+namespace {
+
+// What a byte of deflate can become at most (1032), and some room.
+constexpr std::uint64_t kMaxExpansion = 1100;
+
+std::string one_line(std::string why) {
+  std::replace(why.begin(), why.end(), '\n', ' ');
+  return why;
+}
+
+[[noreturn]] void write_failed(const std::string& path, const std::string& why) {
+  throw Error(ExitCode::kFailure, path,
+              "cannot be written: " + (why.empty() ? "the disk may be full" : one_line(why)));
+}
+
+[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+  throw Error(ExitCode::kInput, path, one_line(why) + "; bake the proxy again");
+}
+
+}  // namespace
+
+void write_vdm_exr(const std::string& temporary_path, const std::string& path, const std::vector<Vec3f>& map,
+                   std::uint32_t width, std::uint32_t height) {
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("openexr");
+  if (out == nullptr) write_failed(path, OIIO::geterror());
+  out->threads(thread_count());
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), 3, OIIO::TypeFloat);
+  spec.channelnames = {"R", "G", "B"};
+  spec.alpha_channel = -1;
+  spec.attribute("compression", "zip");
+  // Left alone, these would tell the time and the library's version: identical work gives identical bytes.
+  spec.attribute("DateTime", "1970:01:01 00:00:00");
+  spec.attribute("Software", "rbvh");
+  spec.attribute("oiio:ColorSpace", "Raw");
+  spec.attribute("ImageDescription", "vector displacement: one square tile a quad, see the .vdm.json beside");
+  spec.attribute("vdm:space", "object");
+  spec.attribute("vdm:order", "xyz");
+  spec.attribute("vdm:scale", 1.f);
+  spec.attribute("vdm:midlevel", 0.f);
+  if (!out->open(temporary_path, spec)) write_failed(path, out->geterror());
+  if (!out->write_image(OIIO::TypeFloat, map.data())) write_failed(path, out->geterror());
+  if (!out->close()) write_failed(path, out->geterror());
+}
+
+std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path, std::uint32_t width,
+                                  std::uint32_t height) {
+  const std::uint64_t texels = std::uint64_t{width} * height;
+  if (texels * sizeof(Vec3f) > kMaxExpansion * file.size())
+    refuse(path, "is too small (" + std::to_string(file.size()) + " bytes) for the " +
+                     std::to_string(texels) + " texels that its sidecar claims");
+  const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create("openexr");
+  if (in == nullptr) refuse(path, "cannot be read: " + OIIO::geterror());
+  in->threads(thread_count());
+  // OpenImageIO only reads through it, whatever its parameter's type.
+  OIIO::Filesystem::IOMemReader reader(const_cast<char*>(file.data()), file.size());
+  OIIO::ImageSpec spec;
+  if (!in->set_ioproxy(&reader) || !in->open("map.exr", spec))
+    refuse(path, "is no EXR that can be read (" + in->geterror() + ")");
+  if (spec.width != static_cast<int>(width) || spec.height != static_cast<int>(height) || spec.depth != 1 ||
+      spec.deep || spec.tile_width > 4096 || spec.tile_height > 4096)
+    refuse(path, "is not the " + std::to_string(width) + " x " + std::to_string(height) +
+                     " texels that its sidecar claims");
+  if (spec.channelnames != std::vector<std::string>{"R", "G", "B"} || spec.format != OIIO::TypeFloat)
+    refuse(path, "does not have the channels R, G, B of 32-bit floats");
+  std::vector<Vec3f> map(texels);
+  if (!in->read_image(0, 0, 0, 3, OIIO::TypeFloat, map.data()))
+    refuse(path, "cannot be decoded (" + in->geterror() + ")");
+  return map;
+}
+
+namespace {
+
+// What the file's first bytes say.
+const char* format_of(std::string_view bytes) {
+  using namespace std::string_view_literals;
+  if (bytes.starts_with("\x76\x2f\x31\x01"sv)) return "openexr";
+  if (bytes.starts_with("\x89PNG"sv)) return "png";
+  if (bytes.starts_with("II*\0"sv) || bytes.starts_with("MM\0*"sv)) return "tiff";
+  return nullptr;
+}
+
+// Which channels hold the vector: R, G, B by name wherever they are, else the first three. Empty: neither one
+// nor three.
+std::vector<int> vector_channels(const OIIO::ImageSpec& spec) {
+  std::vector<int> found;
+  for (const char* name : {"R", "G", "B"}) {
+    const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), name);
+    if (at != spec.channelnames.end()) found.push_back(static_cast<int>(at - spec.channelnames.begin()));
+  }
+  if (found.size() == 3) return found;
+  if (spec.nchannels == 1) return {0};
+  if (spec.nchannels == 3) return {0, 1, 2};
+  return {};
+}
+
+}  // namespace
+
+VdmMap read_vdm_map(const std::string& path) {
+  const auto refuse_map = [&](const std::string& why) { throw Error(ExitCode::kInput, path, one_line(why)); };
+  std::error_code code;
+  if (path != "-" && !std::filesystem::exists(path, code)) refuse_map("there is no such displacement map");
+  const InputBytes bytes = read_input(path);
+  const char* format = format_of(bytes.view());
+  if (format == nullptr) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
+  const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
+  if (in == nullptr) refuse_map("cannot be read: " + OIIO::geterror());
+  in->threads(thread_count());
+  OIIO::Filesystem::IOMemReader reader(bytes.data.get(), bytes.size);
+  OIIO::ImageSpec spec, config;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  if (!in->set_ioproxy(&reader) || !in->open(std::string("map.") + format, spec, config))
+    refuse_map("cannot be read (" + in->geterror() + ")");
+  const std::vector<int> channels = vector_channels(spec);
+  if (channels.empty() || spec.deep || spec.depth > 1)
+    refuse_map("has " + std::to_string(spec.nchannels) +
+               " channels; one (heights along the normal) or R, G and B (vectors) are wanted");
+  const std::uint64_t texels =
+      static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height);
+  const auto all = static_cast<std::size_t>(spec.nchannels);
+  if (spec.width <= 0 || spec.height <= 0 || spec.width > (1 << 16) || spec.height > (1 << 16) || all > 64 ||
+      texels * all > kMaxExpansion * bytes.size)
+    refuse_map("claims " + std::to_string(spec.width) + " x " + std::to_string(spec.height) +
+               " texels, more than it has bytes for");
+  std::vector<float> values(texels * all);
+  if (!in->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, values.data()))
+    refuse_map("cannot be decoded (" + in->geterror() + ")");
+  VdmMap map;
+  map.width = static_cast<std::uint32_t>(spec.width);
+  map.height = static_cast<std::uint32_t>(spec.height);
+  map.channels = static_cast<std::uint32_t>(channels.size());
+  map.is_integer = !spec.format.is_floating_point();
+  map.values.resize(texels * map.channels);
+  for (std::size_t i = 0; i < texels; ++i)
+    for (std::size_t c = 0; c < map.channels; ++c)
+      map.values[i * map.channels + c] = values[i * all + static_cast<std::size_t>(channels[c])];
+  return map;
+}
+
+}  // namespace rbvh

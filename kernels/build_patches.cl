@@ -1,0 +1,300 @@
+// Bounds of displaced patches, and their hierarchies: after Harada, "Rendering Vector Displacement Mapped Surfaces in a
+// GPU Ray Tracer", GPU Pro 6, listing 1.2. Levels are built bottom-up: displaced vertices, the micro-quads' boxes,
+// then each level from the one below.
+//
+// GROUP work-items share a patch; groups take patches from a queue until none is left. WIDE: a group is one work-item
+// that builds 16 nodes at once (a CPU).
+#include "patch_surface.h"
+#include "work_queue.h"
+
+// --- bounds: one patch a work-item
+
+// From box to quanta: rounding in here is far less than the twentieth of a quantum that is left on both sides.
+static inline void quantise(float3 lo, float3 hi, float3 root_lo, float3 per_quantum, float3* q_lo, float3* q_hi) {
+  *q_lo = clamp(floor((lo - root_lo) * per_quantum - 0.05f), 0.0f, 65535.0f);
+  *q_hi = clamp(ceil((hi - root_lo) * per_quantum + 0.05f), 0.0f, 65535.0f);
+}
+
+__kernel void bound_patches(__global Patch* patches, uint count, __global const float* map,
+                            __global PatchParts* parts) {
+  const uint at = (uint)get_global_id(0);
+  if (at >= count) return;
+  __global Patch* p = patches + at;
+  const uint level = p->level, n = 1u << level, edges = level * 0x01010101u;
+  float3 lo[PATCH_WIDTH], hi[PATCH_WIDTH];
+  float3 root_lo = FLT_MAX, root_hi = -FLT_MAX;
+  for (uint part = 0; part < PATCH_WIDTH; ++part) {
+    const uint x = even_bits(part), y = even_bits(part >> 1);
+    float3 a = FLT_MAX, b = -FLT_MAX;
+    for (uint j = y * n / 4; j <= ((y + 1) * n + 3) / 4; ++j) {
+      for (uint i = x * n / 4; i <= ((x + 1) * n + 3) / 4; ++i) {
+        const float3 v = patch_vertex(p, map, level, edges, i, j);
+        a = min(a, v);
+        b = max(b, v);
+      }
+    }
+    lo[part] = a;
+    hi[part] = b;
+    root_lo = min(root_lo, a);
+    root_hi = max(root_hi, b);
+  }
+  // Along some of the micro-quads' sides at the finest.
+  float squares_u = 0.0f, squares_v = 0.0f, samples = 0.0f;
+  const uint stride = max(n / 16, 1u);
+  for (uint j = stride / 2; j < n; j += stride) {
+    for (uint i = stride / 2; i < n; i += stride) {
+      const float3 v = patch_vertex(p, map, level, edges, i, j);
+      const float3 u_side = patch_vertex(p, map, level, edges, i + 1, j) - v;
+      const float3 v_side = patch_vertex(p, map, level, edges, i, j + 1) - v;
+      squares_u += dot(u_side, u_side);
+      squares_v += dot(v_side, v_side);
+      samples += 1.0f;
+    }
+  }
+  p->size = (float)n * sqrt(max(squares_u, squares_v) / samples);
+  // Never flat, and a little wider than the surface.
+  const float3 extent = root_hi - root_lo, size = max(fabs(root_lo), fabs(root_hi));
+  const float longest = max(max(extent.x, extent.y), max(extent.z, FLT_MIN));
+  const float3 pad = max((float3)(1e-5f * longest), 2e-7f * size);
+  root_lo -= pad;
+  root_hi += pad;
+  vstore3(root_lo, 0, p->lo);
+  vstore3(root_hi, 0, p->hi);
+  const float3 per_quantum = 65535.0f / (root_hi - root_lo);
+  for (uint part = 0; part < PATCH_WIDTH; ++part) {
+    float3 q_lo = 0.0f, q_hi = 65535.0f;
+    if (!p->loose) quantise(lo[part], hi[part], root_lo, per_quantum, &q_lo, &q_hi);
+    const float rows[6] = {q_lo.x, q_lo.y, q_lo.z, q_hi.x, q_hi.y, q_hi.z};
+    for (uint row = 0; row < 6; ++row) parts[at].planes[row][part] = (ushort)rows[row];
+  }
+}
+
+// --- hierarchies
+
+static inline uint pack_normal(float3 n) {
+  const int x = (int)rint(n.x * 1023.0f), y = (int)rint(n.y * 1023.0f), z = (int)rint(n.z * 511.0f);
+  return ((uint)x & 0x7ff) | ((uint)y & 0x7ff) << 11 | (uint)z << 22;
+}
+static inline float3 unpack_normal(uint n) {
+  return (float3)((float)((int)(n << 21) >> 21) / 1023.0f, (float)((int)(n << 10) >> 21) / 1023.0f,
+                  (float)((int)n >> 22) / 511.0f);
+}
+
+#define VERTEX(i, j) vload3((j) * side + (i), vertices)
+
+// One micro-quad's node.
+static inline void build_leaf(__global PatchBlock* blocks, __global const float* vertices, uint level, uint m,
+                              float3 root_lo, float3 per_quantum) {
+  const uint n = 1u << level, side = n + 1, i = even_bits(m), j = even_bits(m >> 1);
+  const float3 a = VERTEX(i, j), b = VERTEX(i + 1, j), c = VERTEX(i + 1, j + 1), d = VERTEX(i, j + 1);
+  float3 lo, hi;
+  quantise(min(min(a, b), min(c, d)), max(max(a, b), max(c, d)), root_lo, per_quantum, &lo, &hi);
+  const uint at = first_node(level) + m + PATCH_FIRST_LANE, lane = at % PATCH_WIDTH;
+  __global PatchBlock* block = blocks + at / PATCH_WIDTH;
+  const float rows[6] = {lo.x, lo.y, lo.z, hi.x, hi.y, hi.z};
+  for (uint row = 0; row < 6; ++row) block->planes[row][lane] = (ushort)rows[row];
+  const float3 e = (c - a) * per_quantum.x, f = (d - b) * per_quantum.x;  // in quanta: their product does not vanish
+  const float3 normal = cross(e, f);
+  const float length2 = dot(normal, normal);
+  block->normals[lane] = pack_normal(length2 > 0.0f ? normal * rsqrt(length2) : (float3)(0.0f));
+  const float size = 65535.0f / (float)n;
+  block->uvs[lane] = (uint)(((float)i + 0.5f) * size) | (uint)(((float)j + 0.5f) * size) << 16;
+}
+
+// A node from its four children, which are four neighbouring lanes of one block.
+static inline void build_inner(__global PatchBlock* blocks, uint node) {
+  const uint at = node + PATCH_FIRST_LANE, from = 4 * node + 1 + PATCH_FIRST_LANE;
+  const uint lane = at % PATCH_WIDTH, first = from % PATCH_WIDTH;
+  __global PatchBlock* block = blocks + at / PATCH_WIDTH;
+  __global const PatchBlock* children = blocks + from / PATCH_WIDTH;
+  for (uint row = 0; row < 6; ++row) {
+    const ushort4 v = vload4(0, children->planes[row] + first);
+    const ushort2 v2 = row < 3 ? min(v.lo, v.hi) : max(v.lo, v.hi);
+    block->planes[row][lane] = row < 3 ? min(v2.x, v2.y) : max(v2.x, v2.y);
+  }
+  float3 normal = 0.0f;
+  uint u = 0, v = 0;
+  for (uint c = 0; c < 4; ++c) {
+    normal += unpack_normal(children->normals[first + c]) * 0.25f;
+    u += children->uvs[first + c] & 0xffff;
+    v += children->uvs[first + c] >> 16;
+  }
+  block->normals[lane] = pack_normal(normal);
+  block->uvs[lane] = u / 4 | (v / 4) << 16;
+}
+
+#ifdef WIDE
+// 16 floats of a row of vertices x y z x y z ... at a time, in three turns that together are 16 vertices. Writes up to
+// 15 floats past a row's end, which the next row then takes.
+static inline void build_vertices(__global const Patch* p, __global const float* map, uint level, uint edges,
+                                  __global float* vertices) {
+  const int n = 1 << level, side = n + 1, floats = 3 * side;
+  const uint shift = p->level - level;
+  const float inverse_n = 1.0f / (float)n;
+  const int16 index[3] = {(int16)(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5),
+                          (int16)(5, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8, 9, 9, 9, 10, 10),
+                          (int16)(10, 11, 11, 11, 12, 12, 12, 13, 13, 13, 14, 14, 14, 15, 15, 15)};
+  float16 corners[4][3];
+  for (uint k = 0; k < 4; ++k) {
+    const float x = p->corners[k][0], y = p->corners[k][1], z = p->corners[k][2];
+    corners[k][0] = (float16)(x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x);
+    corners[k][1] = (float16)(y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y);
+    corners[k][2] = (float16)(z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z);
+  }
+  for (int j = 0; j < side; ++j) {
+    __global const float* row = map + 3 * ((size_t)p->texels + (size_t)(j << shift) * p->row);
+    __global float* to = vertices + (size_t)j * (uint)floats;
+    const float t = (float)j * inverse_n, t1 = 1.0f - t;
+    for (int at = 0; at < floats; at += 48) {
+#pragma unroll
+      for (int turn = 0; turn < 3; ++turn) {
+        const int from = at + 16 * turn;
+        if (from >= floats) break;
+        const int16 i = index[turn] + at / 3;
+        const float16 s = convert_float16(i) * inverse_n, s1 = 1.0f - s;
+        const float16 base = (corners[0][turn] * s1 + corners[1][turn] * s) * t1 +
+                             (corners[3][turn] * s1 + corners[2][turn] * s) * t;
+        float16 d;
+        if (shift == 0) {
+          d = vload16(0, row + from);
+        } else {
+          int texel[16];
+          vstore16(min(i, n) << (int)shift, 0, texel);
+          float each[16];
+          for (int lane = 0; lane < 16; ++lane) each[lane] = row[3 * texel[lane] + (from + lane) % 3];
+          d = vload16(0, each);
+        }
+        vstore16(base + d, 0, to + from);
+      }
+    }
+  }
+  if (edges == level * 0x01010101u) return;
+  for (uint k = 0; k < (uint)side; ++k) {  // borders that are coarser
+    const uint places[4][2] = {{k, 0}, {(uint)n, k}, {k, (uint)n}, {0, k}};
+    for (uint edge = 0; edge < 4; ++edge) {
+      const uint i = places[edge][0], j = places[edge][1];
+      if (edge_level(edges, edge) < level)
+        vstore3(patch_vertex(p, map, level, edges, i, j), j * (uint)side + i, vertices);
+    }
+  }
+}
+
+// Four rows of four numbers in the order of a Morton curve.
+#define MORTON16(a, b, c, d) (float16)(a.lo, b.lo, a.hi, b.hi, c.lo, d.lo, c.hi, d.hi)
+
+// 16 micro-quads: 5 x 5 vertices. `block` is the b-th of the finest level.
+static inline void build_leaves16(__global PatchBlock* block, __global const float* vertices, uint level, uint b,
+                                  const float* root_lo, const float* per_quantum) {
+  const uint n = 1u << level, side = n + 1;
+  const uint i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
+  float16 rows[5];  // of five vertices, and a float more
+  for (uint row = 0; row < 5; ++row) rows[row] = vload16(0, vertices + 3 * ((j + row) * side + i));
+  float16 e[3], f[3];
+#pragma unroll
+  for (uint axis = 0; axis < 3; ++axis) {
+    float4 left[5], right[5];
+#pragma unroll
+    for (uint row = 0; row < 5; ++row) {
+      left[row] = axis == 0 ? rows[row].s0369 : axis == 1 ? rows[row].s147a : rows[row].s258b;
+      right[row] = axis == 0 ? rows[row].s369c : axis == 1 ? rows[row].s47ad : rows[row].s58be;
+    }
+    const float16 p00 = MORTON16(left[0], left[1], left[2], left[3]);
+    const float16 p10 = MORTON16(right[0], right[1], right[2], right[3]);
+    const float16 p01 = MORTON16(left[1], left[2], left[3], left[4]);
+    const float16 p11 = MORTON16(right[1], right[2], right[3], right[4]);
+    const float16 lo = min(min(p00, p10), min(p01, p11)), hi = max(max(p00, p10), max(p01, p11));
+    const float16 q_lo = clamp(floor((lo - root_lo[axis]) * per_quantum[axis] - 0.05f), 0.0f, 65535.0f);
+    const float16 q_hi = clamp(ceil((hi - root_lo[axis]) * per_quantum[axis] + 0.05f), 0.0f, 65535.0f);
+    vstore16(convert_ushort16(q_lo), 0, block->planes[axis]);
+    vstore16(convert_ushort16(q_hi), 0, block->planes[axis + 3]);
+    e[axis] = (p11 - p00) * per_quantum[0];
+    f[axis] = (p01 - p10) * per_quantum[0];
+  }
+  const float16 x = e[1] * f[2] - e[2] * f[1], y = e[2] * f[0] - e[0] * f[2], z = e[0] * f[1] - e[1] * f[0];
+  const float16 length2 = x * x + y * y + z * z;
+  const float16 scale = select((float16)(0.0f), rsqrt(length2), length2 > 0.0f);
+  const int16 px = convert_int16(rint(x * scale * 1023.0f)), py = convert_int16(rint(y * scale * 1023.0f)),
+              pz = convert_int16(rint(z * scale * 511.0f));
+  vstore16(as_uint16((px & 0x7ff) | (py & 0x7ff) << 11 | pz << 22), 0, block->normals);
+  const float16 u = (float16)(0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3);
+  const float16 v = (float16)(0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3);
+  const float size = 65535.0f / (float)n;
+  vstore16(convert_uint16((u + ((float)i + 0.5f)) * size) | convert_uint16((v + ((float)j + 0.5f)) * size) << 16, 0,
+           block->uvs);
+}
+
+// 16 nodes from the four blocks of their children.
+static inline void build_inner16(__global PatchBlock* blocks, uint at) {
+  __global PatchBlock* block = blocks + at;
+  __global const PatchBlock* from = blocks + (4 * at - 2);
+  for (uint row = 0; row < 6; ++row) {
+    ushort16 v = 0;
+    ushort4 each[4];
+    for (uint k = 0; k < 4; ++k) {
+      const ushort16 c = vload16(0, from[k].planes[row]);
+      const ushort8 c8 = row < 3 ? min(c.even, c.odd) : max(c.even, c.odd);
+      each[k] = row < 3 ? min(c8.even, c8.odd) : max(c8.even, c8.odd);
+    }
+    v = (ushort16)(each[0], each[1], each[2], each[3]);
+    vstore16(v, 0, block->planes[row]);
+  }
+  for (uint k = 0; k < 4; ++k) {
+    const int16 n = as_int16(vload16(0, from[k].normals));
+    const int16 x = (n << 21) >> 21, y = (n << 10) >> 21, z = n >> 22;
+    const int8 x8 = x.even + x.odd, y8 = y.even + y.odd, z8 = z.even + z.odd;
+    const int4 x4 = (x8.even + x8.odd + 2) >> 2, y4 = (y8.even + y8.odd + 2) >> 2, z4 = (z8.even + z8.odd + 2) >> 2;
+    vstore4(as_uint4((x4 & 0x7ff) | (y4 & 0x7ff) << 11 | z4 << 22), 0, block->normals + 4 * k);
+    const uint16 uv = vload16(0, from[k].uvs);
+    const uint16 u = uv & 0xffff, v = uv >> 16;
+    const uint8 u8 = u.even + u.odd, v8 = v.even + v.odd;
+    vstore4(((u8.even + u8.odd) >> 2) | ((v8.even + v8.odd) >> 2) << 16, 0, block->uvs + 4 * k);
+  }
+}
+#endif
+
+static inline void build_patch(__global const Patch* p, __global const float* map, const PatchBuild build,
+                               __global PatchBlock* blocks) {
+  const uint level = build.level, n = 1u << level, side = n + 1, count = side * side;
+  __global float* vertices = (__global float*)slot_vertices(blocks, level);
+  const float3 root_lo = vload3(0, p->lo), per_quantum = 65535.0f / (vload3(0, p->hi) - root_lo);
+  const uint id = (uint)get_local_id(0);
+#ifdef WIDE
+  build_vertices(p, map, level, build.edges, vertices);
+  if (level >= 2) {
+    const float lo[3] = {root_lo.x, root_lo.y, root_lo.z};
+    const float scale[3] = {per_quantum.x, per_quantum.y, per_quantum.z};
+    __global PatchBlock* finest = blocks + (first_node(level) + PATCH_FIRST_LANE) / PATCH_WIDTH;
+    for (uint b = 0; b < n * n / PATCH_WIDTH; ++b) build_leaves16(finest + b, vertices, level, b, lo, scale);
+  } else {
+    for (uint m = 0; m < n * n; ++m) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
+  }
+  for (int l = (int)level - 1; l >= 0; --l) {
+    if (l >= 2) {
+      const uint first = (first_node((uint)l) + PATCH_FIRST_LANE) / PATCH_WIDTH;
+      for (uint b = 0; b < (1u << 2 * l) / PATCH_WIDTH; ++b) build_inner16(blocks, first + b);
+    } else {
+      for (uint k = first_node((uint)l); k < first_node((uint)l + 1); ++k) build_inner(blocks, k);
+    }
+  }
+#else
+  for (uint v = id; v < count; v += GROUP) {
+    const float3 place = patch_vertex(p, map, level, build.edges, v % side, v / side);
+    vstore3(place, v, vertices);
+  }
+  GROUP_BARRIER;
+  for (uint m = id; m < n * n; m += GROUP) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
+  GROUP_BARRIER;
+  for (int l = (int)level - 1; l >= 0; --l) {
+    const uint first = first_node((uint)l), nodes = 1u << 2 * l;
+    for (uint k = id; k < nodes; k += GROUP) build_inner(blocks, first + k);
+    GROUP_BARRIER;
+  }
+#endif
+}
+
+__kernel void build_patches(__global const Patch* patches, __global const float* map,
+                            __global const PatchBuild* builds, uint count, __global uint* queue,
+                            __global PatchBlock* cache) {
+  TAKE_FROM_QUEUE(queue, count,
+                  build_patch(patches + builds[at].patch, map, builds[at], cache + builds[at].at));
+}

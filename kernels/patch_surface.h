@@ -1,0 +1,61 @@
+// A patch's displaced surface: where its vertices are, and the numbering of its quad tree.
+#ifndef RBVH_PATCH_SURFACE_H
+#define RBVH_PATCH_SURFACE_H
+#include "patch_layout.h"
+
+// Bit for bit what pipeline/proxy/tessellate.cpp computes; and on a border what the neighbour computes.
+#pragma OPENCL FP_CONTRACT OFF
+
+// The first node of a level; also the number of nodes above it.
+static inline uint first_node(uint level) { return ((1u << 2 * level) - 1) / 3; }
+
+// Blocks of a hierarchy of so many levels.
+static inline uint block_count(uint level) { return level == 0 ? 1 : ((4u << 2 * level) + 32) / 48; }
+
+static inline __global const float* slot_vertices(__global const PatchBlock* blocks, uint level) {
+  return (__global const float*)(blocks + block_count(level));
+}
+
+static inline uint even_bits(uint m) {
+  m &= 0x55555555u;
+  m = (m | m >> 1) & 0x33333333u;
+  m = (m | m >> 2) & 0x0f0f0f0fu;
+  m = (m | m >> 4) & 0x00ff00ffu;
+  return (m | m >> 8) & 0x0000ffffu;
+}
+
+static inline uint spread_bits(uint i) {
+  i = (i | i << 8) & 0x00ff00ffu;
+  i = (i | i << 4) & 0x0f0f0f0fu;
+  i = (i | i << 2) & 0x33333333u;
+  return (i | i << 1) & 0x55555555u;
+}
+
+static inline uint morton_of(uint i, uint j) { return spread_bits(i) | spread_bits(j) << 1; }
+
+// Where along a border of 2^edge micro-quads the i-th of 2^level + 1 vertices goes: to one of the border's own.
+// Vertices that fall together leave triangles without area, never a gap.
+static inline uint snapped(uint i, uint level, uint edge) {
+  const uint step = 1u << (level - edge);
+  return (i + step / 2) & ~(step - 1);
+}
+
+static inline uint edge_level(uint edges, uint k) { return edges >> 8 * k & 0xff; }
+
+// Vertex (i, j) of the micro-quads at `level`.
+static inline float3 patch_vertex(__global const Patch* p, __global const float* map, uint level, uint edges, uint i,
+                                  uint j) {
+  const uint n = 1u << level;
+  if (j == 0) i = snapped(i, level, edge_level(edges, 0));
+  if (i == n) j = snapped(j, level, edge_level(edges, 1));
+  if (j == n) i = snapped(i, level, edge_level(edges, 2));
+  if (i == 0) j = snapped(j, level, edge_level(edges, 3));
+  const float s = (float)i / (float)n, t = (float)j / (float)n;  // exact, as are 1 - s and 1 - t
+  const uint shift = p->level - level;
+  const size_t texel = (size_t)p->texels + (size_t)(j << shift) * p->row + (i << shift);
+  const float3 base = (vload3(0, p->corners[0]) * (1.0f - s) + vload3(0, p->corners[1]) * s) * (1.0f - t) +
+                      (vload3(0, p->corners[3]) * (1.0f - s) + vload3(0, p->corners[2]) * s) * t;
+  return base + vload3(texel, map);
+}
+
+#endif

@@ -1,0 +1,23 @@
+// Where an object stands among others; shared with the host.
+#ifndef RBVH_SCENE_LAYOUT_H
+#define RBVH_SCENE_LAYOUT_H
+
+#include "kernels/layout.h"
+
+#ifndef __OPENCL_VERSION__
+namespace rbvh {
+#endif
+
+typedef struct ScenePlacement {
+  float to_object[12];  // rows of an affine map
+  float lo[3];          // the object's box in the world
+  rbvh_u32 first_leaf;  // of its own leaf 0 among all
+  float hi[3];
+  rbvh_u32 unused;
+} ScenePlacement;
+RBVH_LAYOUT_SIZE(ScenePlacement, 80);
+
+#ifndef __OPENCL_VERSION__
+}  // namespace rbvh
+#endif
+#endif

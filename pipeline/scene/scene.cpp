@@ -1,0 +1,37 @@
+#include "pipeline/scene/scene.h"
+
+#include "kernels/layout.h"
+#include "pipeline/base/error.h"
+
+namespace rbvh {
+
+std::size_t leaf_count(const SceneObject& object) {
+  if (const Scan* scan = object.scan())
+    return scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
+  if (const Level* level = object.level()) return level->leaves.size();
+  return object.proxy()->quads.size();
+}
+
+std::vector<std::uint32_t> first_leaves(const Scene& scene) {
+  std::vector<std::uint32_t> first = {0};
+  for (const SceneInstance& instance : scene.instances) {
+    const std::uint64_t next = std::uint64_t{first.back()} + leaf_count(scene.objects[instance.object]);
+    if (next >= RBVH_NO_LEAF)
+      throw Error(ExitCode::kBudget, {}, "more than 2^32 leaves in all instances; leave some out");
+    first.push_back(static_cast<std::uint32_t>(next));
+  }
+  return first;
+}
+
+Bounds3f bounds(const Scene& scene) {
+  Bounds3d all;
+  for (const SceneInstance& instance : scene.instances) {
+    const Bounds3f& box = scene.objects[instance.object].bounds;
+    if (!box.empty())
+      all.add(transformed(instance.to_world, {static_cast<Vec3d>(box.lo), static_cast<Vec3d>(box.hi)}));
+  }
+  if (all.empty()) return {};
+  return {static_cast<Vec3f>(all.lo), static_cast<Vec3f>(all.hi)};
+}
+
+}  // namespace rbvh

@@ -1,0 +1,47 @@
+// Several objects at once: scans, levels of pairs, and proxies, each as often and wherever instances place
+// it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "pipeline/base/affine.h"
+#include "pipeline/proxy/proxy.h"
+#include "pipeline/rbvh/rbvh.h"
+#include "pipeline/scan/scan.h"
+
+namespace rbvh {
+
+struct SceneObject {
+  std::string name;
+  std::variant<Scan, Level, Proxy> content;  ///< a cloud has normals and radii
+  Bounds3f bounds;                           ///< in its own space
+  const Scan* scan() const { return std::get_if<Scan>(&content); }
+  const Level* level() const { return std::get_if<Level>(&content); }
+  const Proxy* proxy() const { return std::get_if<Proxy>(&content); }
+};
+
+struct SceneInstance {
+  std::uint32_t object = 0;
+  Affine to_world;  ///< invertible
+};
+
+struct Scene {
+  std::vector<SceneObject> objects;
+  std::vector<SceneInstance> instances;
+  bool z_is_up = false;
+};
+
+/// Primitives, tiles or patches.
+std::size_t leaf_count(const SceneObject& object);
+
+/// Where each instance's leaves start among all, and their number at the end. Throws Error(kBudget) beyond
+/// 2^32.
+std::vector<std::uint32_t> first_leaves(const Scene& scene);
+
+/// Of all instances' boxes.
+Bounds3f bounds(const Scene& scene);
+
+}  // namespace rbvh

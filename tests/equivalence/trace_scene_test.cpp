@@ -1,0 +1,161 @@
+// A scene of scans, a pair's level and proxies, placed and mirrored, against all of it as one mesh in the
+// world.
+#include "pipeline/scene/trace_scene.h"
+
+#include <gtest/gtest.h>
+
+#include "pipeline/proxy/tessellate.h"
+#include "pipeline/rbvh/build.h"
+#include "pipeline/render/camera.h"
+#include "tests/exact_scenes.h"
+#include "tests/property.h"
+#include "tests/proxy_shapes.h"
+#include "tests/shapes.h"
+
+namespace rbvh {
+namespace {
+
+class TraceScene : public testing::Test {
+ protected:
+  Device device = Device::open();
+  Random random{property_seed()};
+
+  static void SetUpTestSuite() {
+    set_build_log_sink(
+        [](std::string_view file, std::string_view log) { ADD_FAILURE() << file << ": " << log; });
+  }
+
+  std::vector<Hit> cast(const SceneTracer& tracer, const std::vector<Ray>& rays,
+                        RayQuery query = RayQuery::kNearest) {
+    const Buffer<Ray> ray_buffer(device, rays);
+    const Buffer<Hit> hits(device, rays.size());
+    const Buffer<std::uint32_t> steps(device, rays.size());
+    trace_rays(tracer, ray_buffer, hits, rays.size(), query, &steps);
+    const std::vector<Hit> found = hits.read();
+    const std::vector<std::uint32_t> visited = steps.read();
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      if (found[i].leaf != RBVH_NO_LEAF) {
+        EXPECT_GT(visited[i], 0u);
+      }
+      if (::testing::Test::HasFailure()) break;
+    }
+    return found;
+  }
+};
+
+SceneObject object(std::variant<Scan, Level, Proxy> content, Bounds3f box) {
+  SceneObject made;
+  made.content = std::move(content);
+  made.bounds = box;
+  return made;
+}
+
+Affine random_transform(Random& random, bool mirrored) {
+  Affine a;
+  do {
+    for (double& x : a.m) x = static_cast<double>(uniform(random, -1, 1));
+  } while (std::abs(a.determinant()) < 0.2 || (a.determinant() < 0) != mirrored);
+  for (const std::size_t offset : {3u, 7u, 11u}) a.m[offset] *= 3;
+  return a;
+}
+
+void add_moved(Scan& all, std::vector<std::uint32_t>& leaves, const Scan& one, const SceneInstance& instance,
+               std::uint32_t first_leaf, const std::vector<std::uint32_t>* patches) {
+  const auto first = static_cast<std::uint32_t>(all.positions.size());
+  for (const Vec3f& p : one.positions)
+    all.positions.push_back(static_cast<Vec3f>(instance.to_world.point(static_cast<Vec3d>(p))));
+  const bool mirrored = instance.to_world.determinant() < 0;
+  for (std::size_t t = 0; t < one.triangles.size(); ++t) {
+    Triangle triangle = one.triangles[t];
+    if (mirrored) std::swap(triangle[1], triangle[2]);  // the outside stays the outside
+    for (std::uint32_t& corner : triangle) corner += first;
+    all.triangles.push_back(triangle);
+    leaves.push_back(first_leaf + (patches != nullptr ? (*patches)[t] : static_cast<std::uint32_t>(t)));
+  }
+}
+
+TEST_F(TraceScene, IsTheMeshOfAllItsInstances) {
+  const std::vector<std::uint32_t> level = {3};
+  const Scan ball = globe(random, 8, 12), tiles = grid(4, 0);
+  const Proxy proxy = displaced(quad_sphere(2), level, [](Vec3f p) { return mushrooms(p, 0.15f); });
+  std::vector<std::uint32_t> patches;
+  const Scan twin = tessellate(proxy, 3, &patches);
+  Scene scene;
+  scene.objects = {object(ball, bounds(ball)), object(proxy, bounds(twin)), object(tiles, bounds(tiles))};
+  for (int i = 0; i < 12; ++i)
+    scene.instances.push_back({static_cast<std::uint32_t>(i % 3), random_transform(random, i % 2 == 0)});
+  const std::vector<std::uint32_t> first = first_leaves(scene);
+  EXPECT_EQ(first.back(), 4 * (ball.triangles.size() + proxy.quads.size() + tiles.triangles.size()));
+  Scan all;
+  std::vector<std::uint32_t> leaves;
+  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+    const Scan* const meshes[] = {&ball, &twin, &tiles};
+    add_moved(all, leaves, *meshes[i % 3], scene.instances[i], first[i], i % 3 == 1 ? &patches : nullptr);
+  }
+  const std::vector<Ray> rays = random_rays(random, all, 4000);
+  const ExactTracer exact = make_exact_tracer(device, all);
+  const Buffer<Ray> ray_buffer(device, rays);
+  const Buffer<Hit> exact_hits(device, rays.size());
+  trace_rays(exact, ray_buffer, exact_hits, rays.size(), RayQuery::kNearest);
+  const std::vector<Hit> expected = exact_hits.read();
+  const SceneTracer tracer = make_scene_tracer(device, scene);
+  const std::vector<Hit> hits = cast(tracer, rays), any = cast(tracer, rays, RayQuery::kAny);
+  std::size_t found = 0, differing = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const bool is_hit = hits[i].leaf != RBVH_NO_LEAF, is_expected = expected[i].leaf != RBVH_NO_LEAF;
+    found += is_expected;
+    EXPECT_EQ(any[i].leaf != RBVH_NO_LEAF, is_hit) << "ray " << i;
+    const auto along = [&] {
+      return hits[i].normal[0] * expected[i].normal[0] + hits[i].normal[1] * expected[i].normal[1] +
+             hits[i].normal[2] * expected[i].normal[2];
+    };
+    const bool same =
+        is_hit == is_expected &&
+        (!is_hit || (hits[i].leaf == leaves[expected[i].leaf] &&
+                     (hits[i].flags & RBVH_HIT_BACK_FACE) == (expected[i].flags & RBVH_HIT_BACK_FACE) &&
+                     std::abs(hits[i].t - expected[i].t) <= 1e-4f * std::abs(expected[i].t) + 1e-5f &&
+                     along() > 0.999f));
+    differing += !same;
+  }
+  EXPECT_GT(found, 300u);
+  EXPECT_LE(differing, found / 100 + 2);  // where rounding decides: silhouettes, edges, tmin and tmax
+}
+
+TEST_F(TraceScene, ALevelOfAPairIsWhereItIsPlaced) {
+  const Scan ball = bumpy_sphere(64);
+  const Rbvh pair = build_rbvh(device, ball, BuildConfig{.levels = {{"Q", 3e4f, 0.8f, 60}}});
+  Scene scene;
+  scene.objects = {object(pair.levels[0], pair.source.bounds)};
+  Affine to_world;
+  to_world.m = {0, -2, 0, 5, 2, 0, 0, -1, 0, 0, 2, 3};
+  scene.instances = {{0, {}}, {0, to_world}};
+  const SceneTracer tracer = make_scene_tracer(device, scene);
+  std::vector<Ray> rays, moved;
+  for (int i = 0; i < 500; ++i) {
+    const Vec3f o = uniform_direction(random) * 1.8f, d = uniform_point(random, 0.8f) - o;
+    rays.push_back(make_ray(o, d, 0, 1.2f));
+    const Vec3d world = to_world.point(static_cast<Vec3d>(o)),
+                direction = to_world.vector(static_cast<Vec3d>(d));
+    moved.push_back(make_ray(static_cast<Vec3f>(world), static_cast<Vec3f>(direction), 0, 1.2f));
+  }
+  const std::vector<Hit> a = cast(tracer, rays), b = cast(tracer, moved);
+  const auto leaves = static_cast<std::uint32_t>(pair.levels[0].leaves.size());
+  std::size_t found = 0, differing = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (a[i].leaf == RBVH_NO_LEAF) continue;
+    ++found;
+    EXPECT_LT(a[i].leaf, leaves);
+    differing += b[i].leaf != a[i].leaf + leaves || std::abs(a[i].t - b[i].t) > 1e-4f;
+  }
+  EXPECT_GT(found, 200u);
+  EXPECT_LE(differing, found / 50);
+  const SurfaceSamples samples = sample_surface(scene, b);
+  for (std::size_t i = 0; i < b.size(); ++i) {
+    if (b[i].leaf == RBVH_NO_LEAF) continue;
+    const Vec3f n = {b[i].normal[0], b[i].normal[1], b[i].normal[2]};
+    EXPECT_GT(dot(samples.normals[i], n), 0.5f) << i;
+  }
+}
+
+}  // namespace
+}  // namespace rbvh
