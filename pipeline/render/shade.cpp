@@ -168,10 +168,7 @@ SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, 
         if (has_colors) color = color + linear_color(scan.colors[corners[k]]) * weights[k];
       }
       normal = normalized(normal);
-      // A leaf that keeps its primitives may have some that face the other way than its texels.
-      const Vec3f geometric = array3(hit.normal);
-      const bool fits = (hit.flags & RBVH_HIT_TRIANGLE_LEAF) == 0 || dot(normal, geometric) > 0;
-      samples.normals[i] = dot(normal, normal) > 0.5f && fits ? normal : geometric;
+      samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
       if (has_colors) samples.colors[i] = color;
     }
   });
@@ -199,7 +196,10 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
         if (colors) color = color + unpack_color(colors->texels[f.texels[k]]) * f.weights[k];
       }
       normal = normalized(normal);
-      samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
+      // A leaf that keeps its primitives may have some that its texels do not show.
+      const Vec3f geometric = array3(hit.normal);
+      const bool fits = (hit.flags & RBVH_HIT_TRIANGLE_LEAF) == 0 || dot(normal, geometric) > 0.5f;
+      samples.normals[i] = dot(normal, normal) > 0.5f && fits ? normal : geometric;
       if (colors) samples.colors[i] = weight > 0 ? color * (1 / weight) : kClay;
     }
   });

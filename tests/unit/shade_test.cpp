@@ -169,6 +169,15 @@ TEST(SampleSurface, ATileIsBilinearBetweenTexelCentres) {
   EXPECT_NEAR(s.colors[1].z, 0.5f, 1e-6);
 }
 
+TEST(SampleSurface, AKeptPrimitiveThatTexelsDoNotShowHasItsOwnNormal) {
+  // At u = 0 the texels say +z.
+  const Hit seen{1, {0, 0.5f, 0.86603f}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
+  const Hit unseen{1, {0, 1, 0}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
+  const SurfaceSamples s = sample_surface(small_level(), std::vector<Hit>{seen, unseen});
+  EXPECT_NEAR(length(s.normals[0] - Vec3f{0, 0, 1}), 0, 1e-2);
+  EXPECT_EQ(s.normals[1], (Vec3f{0, 1, 0}));
+}
+
 TEST(SampleSurface, EmptyTexelsDoNotBleedIn) {
   Level level = small_level();
   for (const std::size_t row : {1u, 2u}) level.layers[0].texels[row * 5 + 2] = 0;
