@@ -326,10 +326,11 @@ void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool se
           for (const std::string& name : parse_list(word)) levels.push_back(name);
         if (!several && levels.size() > 1) throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
       },
-      several ? "levels to show, or all; of render also auto: for each ray the coarsest whose texels a pixel "
-                "covers (default: the finest)"
+      several ? "levels with commas between, or all (default: the finest; paint and validate: all); of "
+                "render also "
+                "auto: for each ray the coarsest whose texels a pixel covers"
               : "the level to use (default: the finest)");
-  option->type_name("Q0")->allow_extra_args(false);
+  option->type_name(several ? "Q0,Q1" : "Q0")->allow_extra_args(false);
 }
 
 }  // namespace rbvh
