@@ -4,6 +4,7 @@
 //   float3 unit_normal(primitives, at)
 // and has included exact_tree.h before them.
 #include "camera_rays.h"
+#include "no_hit.h"
 
 // Nearest hit, or any if `any` is set. Returns nodes and primitives visited.
 static inline uint2 trace(const Tree* tree, const Ray* ray, uint any, Found* found) {
@@ -14,12 +15,7 @@ static inline uint2 trace(const Tree* tree, const Ray* ray, uint any, Found* fou
 }
 
 static inline Hit make_hit(const Found* found, __global const PRIMITIVE* primitives, const Ray* ray) {
-  Hit hit;
-  hit.t = INFINITY;
-  hit.normal[0] = hit.normal[1] = hit.normal[2] = 0.0f;
-  hit.u = hit.v = 0.0f;
-  hit.leaf = RBVH_NO_LEAF;
-  hit.flags = 0;
+  Hit hit = no_hit();
   if (found->id != RBVH_NO_LEAF) {
     const float3 n = unit_normal(primitives, found->at);
     hit.t = found->t;

@@ -24,14 +24,4 @@ static inline float3 world_normal(const float* to_object, const float* normal, c
                             m[2] * normal[0] + m[6] * normal[1] + m[10] * normal[2]);
   return dot(n, n) > 0.0f ? normalize(n) : -normalize((float3)(direction[0], direction[1], direction[2]));
 }
-
-static inline Hit no_hit(void) {
-  Hit hit;
-  hit.t = INFINITY;
-  hit.normal[0] = hit.normal[1] = hit.normal[2] = 0.0f;
-  hit.u = hit.v = 0.0f;
-  hit.leaf = RBVH_NO_LEAF;
-  hit.flags = 0;
-  return hit;
-}
 #endif

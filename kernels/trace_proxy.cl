@@ -10,6 +10,7 @@
 // GROUP work-items share a job; WIDE: boxes are met 16 at once; STACK: entries of the upper hierarchies' stack;
 // MOST: pairs a ray and round; ATOMICS: nearest hits by 64-bit atomic minimum, else in order.
 #include "patch_query.h"
+#include "no_hit.h"
 #include "object_ray.h"
 #include "work_queue.h"
 

@@ -16,6 +16,7 @@
 #include "camera_rays.h"
 #include "lanes.h"
 #include "layout.h"
+#include "no_hit.h"
 
 #ifndef RBVH_STACK
 #define RBVH_STACK 192
@@ -178,12 +179,7 @@ static inline float patch_height(const Level* level, uint offset, int width, int
 // A ray's hit on a tile, complete: position on the tile and the geometric normal in world space.
 static inline void store_hit(__global Hit* hit, const Level* level, float3 origin, float3 direction, float t,
                              int leaf) {
-  Hit h;
-  h.t = INFINITY;
-  h.normal[0] = h.normal[1] = h.normal[2] = 0.0f;
-  h.u = h.v = 0.0f;
-  h.leaf = RBVH_NO_LEAF;
-  h.flags = 0;
+  Hit h = no_hit();
   if (leaf >= 0) {
     __global const Tile* tile = level->tiles + leaf;
     __global const float* m = tile->columns;

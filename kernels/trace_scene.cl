@@ -2,6 +2,7 @@
 // them there, and what is nearer than before is taken over.
 #include "exact_box.h"  // first: it says how floats are to be computed, rays too
 #include "camera_rays.h"
+#include "no_hit.h"
 #include "object_ray.h"
 #include "scene_layout.h"
 
