@@ -60,7 +60,7 @@ InputBytes read_input(const std::string& path) {
       bytes.size += static_cast<std::size_t>(got);
     }
   } catch (const std::bad_alloc&) {
-    throw Error(ExitCode::kInput, name, "does not fit in memory (" + std::to_string(capacity) + " bytes)");
+    throw Error(ExitCode::kBudget, name, "does not fit in memory (" + std::to_string(capacity) + " bytes)");
   }
   if (bytes.size == 0) throw Error(ExitCode::kInput, name, "is empty");
   return bytes;

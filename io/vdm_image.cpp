@@ -109,16 +109,20 @@ std::vector<int> vector_channels(const OIIO::ImageSpec& spec) {
 }  // namespace
 
 VdmMap read_vdm_map(const std::string& path) {
-  const auto refuse_map = [&](const std::string& why) { throw Error(ExitCode::kInput, path, one_line(why)); };
   std::error_code code;
-  if (path != "-" && !std::filesystem::exists(path, code)) refuse_map("there is no such displacement map");
-  const InputBytes bytes = read_input(path);
-  const char* format = format_of(bytes.view());
+  if (path != "-" && !std::filesystem::exists(path, code))
+    throw Error(ExitCode::kInput, path, "there is no such displacement map");
+  return decode_vdm_map(read_input(path).view(), path);
+}
+
+VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
+  const auto refuse_map = [&](const std::string& why) { throw Error(ExitCode::kInput, path, one_line(why)); };
+  const char* format = format_of(file);
   if (format == nullptr) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
   const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
   if (in == nullptr) refuse_map("cannot be read: " + OIIO::geterror());
   in->threads(thread_count());
-  OIIO::Filesystem::IOMemReader reader(bytes.data.get(), bytes.size);
+  OIIO::Filesystem::IOMemReader reader(const_cast<char*>(file.data()), file.size());
   OIIO::ImageSpec spec, config;
   config.attribute("oiio:UnassociatedAlpha", 1);
   if (!in->set_ioproxy(&reader) || !in->open(std::string("map.") + format, spec, config))
@@ -131,7 +135,7 @@ VdmMap read_vdm_map(const std::string& path) {
       static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height);
   const auto all = static_cast<std::size_t>(spec.nchannels);
   if (spec.width <= 0 || spec.height <= 0 || spec.width > (1 << 16) || spec.height > (1 << 16) || all > 64 ||
-      texels * all > kMaxExpansion * bytes.size)
+      texels * all > kMaxExpansion * file.size())
     refuse_map("claims " + std::to_string(spec.width) + " x " + std::to_string(spec.height) +
                " texels, more than it has bytes for");
   std::vector<float> values(texels * all);
