@@ -95,6 +95,10 @@ CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target
       ->type_name(value_name);
 }
 
+/// Throws Error(kUsage) where one of the options was given: "FILE: --option is for ...".
+void refuse_options(const std::vector<const CLI::Option*>& options, const std::string& file,
+                    const std::string& why);
+
 /// To stdout.
 void print_data(std::string_view text);
 /// One line to stderr (and the log), unless --quiet.
@@ -112,6 +116,11 @@ void check_budget(const Context& context, std::uint64_t bytes, const std::string
 
 /// "12.3 MB".
 std::string format_bytes(std::uint64_t bytes);
+
+/// "levels" of "level", "leaves" of "leaf".
+std::string plural(const std::string& noun);
+/// "1 level", "2 levels".
+std::string counted(std::uint64_t count, const std::string& noun);
 
 /// A device as reports and `devices --json` have it.
 nlohmann::ordered_json device_json(const DeviceInfo& info);

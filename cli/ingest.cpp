@@ -116,32 +116,32 @@ nlohmann::ordered_json report_json(const IngestReport& counts, const Scan& scan,
 /// "3 duplicate faces, 1 ..."; the ones that are not zero.
 std::string list_counts(const std::vector<std::pair<std::size_t, const char*>>& counts) {
   std::string text;
-  for (const auto& [count, name] : counts)
-    if (count > 0) text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + name;
+  for (const auto& [count, noun] : counts)
+    if (count > 0) text += (text.empty() ? "" : ", ") + counted(count, noun);
   return text;
 }
 
 void note_figures(Context& context, const IngestReport& counts, const Scan& scan) {
   const CleanCounts& gone = counts.cleaned;
-  std::string made = scan.is_cloud() ? std::to_string(counts.vertices_out) + " points"
-                                     : std::to_string(counts.faces_out) + " triangles, " +
-                                           std::to_string(counts.vertices_out) + " vertices";
-  if (counts.objects > 1) made += ", " + std::to_string(counts.objects) + " objects";
+  std::string made =
+      scan.is_cloud() ? counted(counts.vertices_out, "point")
+                      : counted(counts.faces_out, "triangle") + ", " + counted(counts.vertices_out, "vertex");
+  if (counts.objects > 1) made += ", " + counted(counts.objects, "object");
   note(context, context.output + ": " + made);
-  const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertices"},
-                                           {gone.non_finite_faces, "faces at them"},
-                                           {gone.duplicate_vertices, "duplicate vertices"},
-                                           {gone.duplicate_faces, "duplicate faces"},
-                                           {gone.zero_area_faces, "faces without area"},
-                                           {gone.unreferenced_vertices, "unreferenced vertices"},
-                                           {counts.outliers, "outliers"},
-                                           {counts.thinned, "thinned points"},
-                                           {counts.small_components.components, "small components"}});
+  const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertex"},
+                                           {gone.non_finite_faces, "non-finite face"},
+                                           {gone.duplicate_vertices, "duplicate vertex"},
+                                           {gone.duplicate_faces, "duplicate face"},
+                                           {gone.zero_area_faces, "zero-area face"},
+                                           {gone.unreferenced_vertices, "unreferenced vertex"},
+                                           {counts.outliers, "outlier"},
+                                           {counts.thinned, "thinned point"},
+                                           {counts.small_components.components, "small component"}});
   if (!removed.empty()) note(context, "removed: " + removed);
-  const std::string added = list_counts({{counts.cloud.normals_estimated, "normals"},
-                                         {counts.cloud.normals_by_viewpoint, "of them towards a viewpoint"},
-                                         {counts.mesh_normals_completed, "vertex normals"},
-                                         {counts.cloud.radii_estimated, "radii"}});
+  const std::string added = list_counts({{counts.cloud.normals_estimated, "normal"},
+                                         {counts.cloud.normals_by_viewpoint, "viewpoint-facing normal"},
+                                         {counts.mesh_normals_completed, "vertex normal"},
+                                         {counts.cloud.radii_estimated, "radius"}});
   if (!added.empty()) note(context, "estimated: " + added);
   if (scan.shift != Vec3d{}) {
     const nlohmann::json shift = {scan.shift.x, scan.shift.y, scan.shift.z};

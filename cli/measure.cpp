@@ -81,10 +81,12 @@ void measure_distances(Context& context, const Subject& pair, const Scan& scan,
 
 }  // namespace
 
-void add_views_options(CLI::App& stage, ViewsConfig& views) {
-  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)");
+void add_views_options(CLI::App& stage, ViewsConfig& views, const std::string& with) {
+  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)")
+      ->needs(with);
   add_parsed(stage, "--resolution", views.resolution, parse_side, "N",
-             "pixels of such a view, both ways (default: 1024)");
+             "pixels of such a view, both ways (default: 1024)")
+      ->needs(with);
 }
 
 void move_to_shift(Scan& scan, const Vec3d& shift) {
@@ -92,6 +94,31 @@ void move_to_shift(Scan& scan, const Vec3d& shift) {
   const Vec3d difference = scan.shift - shift;
   for (Vec3f& p : scan.positions) p = Vec3f(Vec3d(p) + difference);
   scan.shift = shift;
+}
+
+Subject load_against(Context& context, const Subject& pair, const std::string& path) {
+  Scan scan = load_exact_scan(context, path);
+  move_to_shift(scan, pair.rbvh()->source.shift);
+  Subject exact;
+  exact.path = path;
+  exact.bounds = bounds(scan);
+  exact.is_cloud = scan.is_cloud();
+  exact.content = std::move(scan);
+  return exact;
+}
+
+std::optional<std::string> find_other_scan(const Subject& pair, const Subject& exact) {
+  const RbvhSource& source = pair.rbvh()->source;
+  if (std::max(length(exact.bounds.lo - source.bounds.lo), length(exact.bounds.hi - source.bounds.hi)) <=
+      0.05f * source.bounds.diagonal())
+    return {};
+  const auto size = [](std::uint64_t vertices, std::uint64_t triangles) {
+    return triangles > 0 ? counted(triangles, "triangle") : counted(vertices, "point");
+  };
+  return fmt::format(
+      "does not lie where the scan that {} was built of does; is it another? It has {}, and {} had {}",
+      pair.path, size(exact.scan()->positions.size(), exact.scan()->triangles.size()), source.name,
+      size(source.vertices, source.triangles));
 }
 
 std::vector<LevelMeasure> measure_levels(Context& context, const Device& device, const Subject& pair,

@@ -5,6 +5,7 @@
 #include "cli/common.h"
 #include "cli/layer_options.h"
 #include "cli/measure.h"
+#include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
 #include "pipeline/rbvh/layers.h"
@@ -70,7 +71,10 @@ void run_paint(Context& context, const PaintOptions& options) {
     check_paths_differ(context,
                        {options.file, atlas_path(options.file), options.points, options.values, options.scan},
                        {output, atlas_path(output)});
-  check_rbvh_output(output, context.force);
+  if (context.output.empty())
+    check_rbvh_output(output, context.force);
+  else
+    check_pair_output(context);
   if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
 
   Stopwatch watch;
@@ -83,8 +87,10 @@ void run_paint(Context& context, const PaintOptions& options) {
   Subject pair = load_subject(context, options.file);
   Rbvh& rbvh = std::get<Rbvh>(pair.content);
   move_to_shift(scan, rbvh.source.shift);
+  from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
+            : warn_of_infinite(context, options.values, paint.values.values);
   const std::vector<std::string> levels =
-      choose_levels(pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+      choose_levels(context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
   const double load_seconds = watch.lap();
   PaintCounts counts;
   std::optional<Device> device;
@@ -110,7 +116,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   if (counts.points_missed > 0)
     warn(context, options.points + ": " + std::to_string(counts.points_missed) + " of " +
                       std::to_string(paint.points.size()) +
-                      " points are further from the surface than --reach; they paint nothing");
+                      " points paint nothing: further from the surface than --reach");
   const double paint_seconds = watch.lap();
   const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
   auto& report = context.report;
@@ -118,9 +124,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   report["timings"] = {{"load", load_seconds}, {"paint", paint_seconds}, {"write", watch.lap()}};
   report["counts"] = {
       {"points", paint.points.size()}, {"missed", counts.points_missed}, {"texels", counts.texels}};
-  report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
-  note(context, "rbvh paint: wrote " + output + " (layer " + options.layer + ", " +
-                    format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
+  report_pair(context, output, bytes, "layer " + options.layer);
 }
 
 }  // namespace
@@ -152,11 +156,13 @@ void add_paint(CLI::App& app, Context& context) {
   stage
       ->add_option("--scan", options->scan,
                    "instead of points: the scan's vertex property of the layer's name, everywhere")
+      ->excludes("--radius")
       ->type_name("SCAN");
   add_parsed(*stage, "--layer-scale", options->scale, parse_layer_scale, "S",
              "of a new layer: its texels to one of the heights', 0.0625 to 16 (default: 1)");
   add_parsed(*stage, "--reach", options->reach, parse_distance, "D",
-             "how far from the surface a point may lie, scan units (default: 1% of the diagonal)");
+             "how far from the surface a point may lie, scan units (default: 1% of the diagonal)")
+      ->excludes("--scan");
   add_level_option(*stage, options->levels, true);
 }
 

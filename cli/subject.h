@@ -47,10 +47,11 @@ Subject load_subject(Context& context, const std::string& path, std::optional<st
 Scan load_exact_scan(Context& context, const std::string& path);
 
 /// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact";
-/// for proxies and scenes: "scene". Throws Error(kUsage) for a level that is not there. With `has_auto`,
-/// "auto" (alone) is one: each ray sees the level that its footprint asks for.
-std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
-                                       bool has_auto = false);
+/// for proxies and scenes: "scene"; what is wanted is ignored there, with a note. Throws Error(kUsage) for a
+/// level that is not there. With `has_auto`, "auto" (alone) is one: each ray sees the level that its
+/// footprint asks for.
+std::vector<std::string> choose_levels(Context& context, const Subject& subject,
+                                       const std::vector<std::string>& wanted, bool has_auto = false);
 
 /// Throws Error(kInput) where leaves or primitives are more than a float32 can number, as trace and `leaf`
 /// pictures do.
@@ -78,13 +79,23 @@ std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
 void for_each_file(Context& context, const std::vector<std::string>& paths,
                    const std::function<void(const std::string&)>& work);
 
-/// --patch-cache and, where pictures are made, --detail.
-void add_proxy_options(CLI::App& stage, SceneConfig& config, bool pictures);
+/// How proxies are cast.
+struct ProxyCastOptions {
+  SceneConfig scene;
+  std::optional<std::uint32_t> tessellate;   ///< as triangles, of that level
+  std::vector<const CLI::Option*> declared;  ///< all of them
+};
+
+/// --patch-cache and, where pictures are made, --detail and --tessellate.
+void add_proxy_options(CLI::App& stage, ProxyCastOptions& options, bool pictures);
+
+/// Throws Error(kUsage) where one of them is given and none of the files is a proxy or a scene.
+void check_proxy_options(const ProxyCastOptions& options, const std::vector<std::string>& files);
 
 /// Says in the report what casting proxies took. Nothing where there are none.
 void report_proxies(Context& context, const Caster& caster);
 
 /// --level: given several times, or with commas, or "all".
-void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);
+CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);
 
 }  // namespace rbvh

@@ -1,4 +1,6 @@
 // The words of the command line: what is refused, how, and that refusing leaves nothing behind.
+#include <nlohmann/json.hpp>
+
 #include "pipeline/exact/exact_methods.h"
 #include "tests/run_tool.h"
 
@@ -100,6 +102,19 @@ TEST_F(Usage, HelpAndVersionGoToStdout) {
     EXPECT_NE(run.out.find("--quiet"), std::string::npos) << stage;
     EXPECT_NE(tool("--help").out.find(stage), std::string::npos);
   }
+}
+
+TEST_F(Usage, DevicesAreListed) {
+  const nlohmann::json devices = nlohmann::json::parse(tool("devices --json").out, nullptr, false);
+  ASSERT_FALSE(devices.empty());
+  const std::string name = devices[0]["name"];
+  EXPECT_EQ(devices[0]["index"], 0);
+  EXPECT_NE(tool("devices").out.find(name), std::string::npos);
+  // As a terminal has it; script(1) makes one. No colour where none is wanted.
+  const std::string wrong = "script -qec \"'" RBVH_TOOL "' render missing.ply -o x.png";
+  EXPECT_NE(shell(wrong + "\" /dev/null").out.find("\033[31m"), std::string::npos);
+  EXPECT_EQ(shell(wrong + " --no-color\" /dev/null").out.find('\033'), std::string::npos);
+  EXPECT_EQ(shell("NO_COLOR=1 " + wrong + "\" /dev/null").out.find('\033'), std::string::npos);
 }
 
 TEST_F(Usage, TracersAreListed) {
