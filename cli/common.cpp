@@ -200,6 +200,12 @@ void check_budget(const Context& context, std::uint64_t bytes, const std::string
                   (is_given ? " of --memory; raise it or ask for less" : " of this machine; ask for less"));
 }
 
+void check_read_budget(const Context& context, const std::string& path, std::uint64_t times) {
+  std::error_code no_size;
+  const std::uintmax_t size = std::filesystem::file_size(path, no_size);
+  if (!no_size) check_budget(context, size * times, path, "reading it");
+}
+
 std::string format_bytes(std::uint64_t bytes) {
   static const char* const kUnits[] = {"B", "kB", "MB", "GB", "TB"};
   double value = static_cast<double>(bytes);

@@ -114,6 +114,9 @@ void print_error(Context& context, const std::string& line);
 void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
                   const std::string& what);
 
+/// The same for reading a file as it is and what is made of its bytes; nothing where it has no size (a pipe).
+void check_read_budget(const Context& context, const std::string& path, std::uint64_t times = 2);
+
 /// "12.3 MB".
 std::string format_bytes(std::uint64_t bytes);
 

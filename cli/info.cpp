@@ -94,9 +94,9 @@ Json level_json(const Level& level, std::uint64_t primitives) {
   return json;
 }
 
-Json pair_json(const std::string& path) {
+Json pair_json(const Context& context, const std::string& path) {
   PairHeader header;
-  const Rbvh rbvh = read_rbvh(path, &header);
+  const Rbvh rbvh = load_pair(context, path, &header);
   const RbvhSource& source = rbvh.source;
   Json json = {
       {"file", path},
@@ -242,7 +242,8 @@ std::string proxy_text(const Json& json) {
 // --- scans
 // --------------------------------------------------------------------------------------------------------
 
-Json scan_json(const std::string& path) {
+Json scan_json(const Context& context, const std::string& path) {
+  check_read_budget(context, path);
   const RawScan scan = read_scan(path);
   const bool is_mesh = !scan.triangles.empty();
   Bounds3d box;
@@ -300,9 +301,11 @@ std::string scan_text(const Json& json) {
   return text;
 }
 
-void run_info(const std::string& path, bool as_json) {
+void run_info(const Context& context, const std::string& path, bool as_json) {
   const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path);
-  const Json json = is_pair ? pair_json(path) : is_of_quads ? proxy_json(path) : scan_json(path);
+  const Json json = is_pair       ? pair_json(context, path)
+                    : is_of_quads ? proxy_json(path)
+                                  : scan_json(context, path);
   print_data(as_json       ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
              : is_pair     ? pair_text(json)
              : is_of_quads ? proxy_text(json)
@@ -319,7 +322,7 @@ void add_info(CLI::App& app, Context& context) {
   const auto options = std::make_shared<Options>();
   CLI::App* stage = add_stage(
       app, context, {"info", "Say what a pair, a proxy or a scan holds", "rbvh info dragon.rbvh --json"}, 0,
-      [options] { run_info(options->file, options->as_json); });
+      [&context, options] { run_info(context, options->file, options->as_json); });
   stage->add_option("FILE", options->file, "an .rbvh, a proxy, or a scan (-: standard input)")->required();
   stage->add_flag("--json", options->as_json, "as JSON");
 }

@@ -62,9 +62,7 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
   RawScan all;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     context.progress.update("read", static_cast<double>(i) / static_cast<double>(inputs.size()));
-    std::error_code no_size;
-    const std::uintmax_t size = std::filesystem::file_size(inputs[i], no_size);
-    if (!no_size) check_budget(context, size, inputs[i], "reading it");
+    check_read_budget(context, inputs[i], 1);
     refuse_proxy(inputs[i]);
     RawScan scan = read_scan(inputs[i]);
     for (const std::string& text : scan.notes) warn(context, inputs[i] + ": " + text);

@@ -19,7 +19,7 @@ std::string parse_layer_name(std::string_view text);
 std::vector<std::string> parse_layer_names(std::string_view text);
 
 /// N x 3 float32; points that are not finite lie on no surface.
-std::vector<Vec3f> read_points(const std::string& path);
+std::vector<Vec3f> read_points(const Context& context, const std::string& path);
 
 /// A distance in scan units, at least 0.
 float parse_distance(std::string_view text);

@@ -26,9 +26,10 @@ struct Paint {
   FloatTable values;
 };
 
-Paint read_paint(const PaintOptions& options) {
+Paint read_paint(const Context& context, const PaintOptions& options) {
   static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
-  Paint paint{read_points(options.points), read_npy(options.values, kColumns)};
+  check_read_budget(context, options.values);
+  Paint paint{read_points(context, options.points), read_npy(options.values, kColumns)};
   if (paint.values.rows != paint.points.size())
     throw Error(ExitCode::kInput, options.values,
                 "has " + std::to_string(paint.values.rows) + " rows for the " +
@@ -83,7 +84,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   if (from_scan)
     scan = load_exact_scan(context, options.scan);
   else
-    paint = read_paint(options);
+    paint = read_paint(context, options);
   Subject pair = load_subject(context, options.file);
   Rbvh& rbvh = std::get<Rbvh>(pair.content);
   move_to_shift(scan, rbvh.source.shift);

@@ -23,7 +23,7 @@ void run_sample(Context& context, const SampleOptions& options) {
   check_output(context.output, context.force);
   if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
   Stopwatch watch;
-  const std::vector<Vec3f> points = read_points(options.points);
+  const std::vector<Vec3f> points = read_points(context, options.points);
   const Subject pair = load_subject(context, options.file);
   const Level& level = *pair.rbvh()->find_level(choose_levels(context, pair, options.levels).front());
   const Layer* layer = find_layer(level, options.layer);

@@ -24,8 +24,8 @@ namespace fs = std::filesystem;
 
 // A scan is in memory as the file's bytes, as doubles and as floats.
 constexpr std::uint64_t kScanBytesPerFileByte = 3;
-// An atlas is compressed on disk; a pair is checked, unpacked and laid out for the device.
-constexpr std::uint64_t kPairBytesPerFileByte = 6;
+// A hierarchy is checked, unpacked and laid out for the device.
+constexpr std::uint64_t kPairBytesPerFileByte = 4;
 // A map is in memory as it was read and on the device; compressed to half on disk.
 constexpr std::uint64_t kProxyBytesPerFileByte = 5;
 constexpr std::uint64_t kBytesPerTwinTriangle = 120;  // mesh, hierarchy and what builds it
@@ -42,12 +42,6 @@ const Level& level_of(const Subject& subject, const std::string& level) {
   const Level* found = subject.rbvh()->find_level(level);
   RBVH_CHECK(found != nullptr);
   return *found;
-}
-
-Rbvh load_pair(Context& context, const std::string& path) {
-  check_budget(context, (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte, path,
-               "reading it");
-  return read_rbvh(path);
 }
 
 double parse_pixels(std::string_view text) {
@@ -128,6 +122,22 @@ bool is_rbvh(const std::string& path) {
   char start[8] = {};
   std::ifstream(path, std::ios::binary).read(start, sizeof start);
   return std::memcmp(start + 4, "RBVH", 4) == 0;  // where FlatBuffers keep their file identifier
+}
+
+Rbvh load_pair(const Context& context, const std::string& path, PairHeader* header) {
+  const std::uint64_t read = file_bytes(path) * kPairBytesPerFileByte + file_bytes(atlas_path(path));
+  check_budget(context, read, path, "reading it");
+  return read_rbvh(path, header, [&](const Rbvh& rbvh) {
+    std::uint64_t texels = 0;  // bytes of them; the heights are on the device, too
+    for (const Level& level : rbvh.levels) {
+      texels += std::uint64_t{level.atlas_width} * level.atlas_height * sizeof(std::uint16_t);
+      for (const Layer& layer : level.layers) {
+        const auto [width, height] = atlas_size(level, layer);
+        texels += std::uint64_t{width} * height * layer.channels * sizeof(std::uint16_t);
+      }
+    }
+    check_budget(context, read + texels, path, "reading it");
+  });
 }
 
 Scan load_exact_scan(Context& context, const std::string& path) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cli/common.h"
+#include "io/rbvh_file.h"
 #include "pipeline/exact/trace_exact.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/rbvh/trace_footprint.h"
@@ -37,6 +38,9 @@ struct Subject {
 
 /// True for a file that starts as an .rbvh does, or is named as one.
 bool is_rbvh(const std::string& path);
+
+/// Reads a pair, its texels once it is known that --memory has room for them.
+Rbvh load_pair(const Context& context, const std::string& path, PairHeader* header = nullptr);
 
 /// Reads a pair, a scan ("-": from standard input), a proxy or a scene and all its objects. A cloud gets the
 /// normals and radii that it lacks. `tessellate`: proxies become triangles, up to 2^tessellate micro-quads a

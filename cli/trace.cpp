@@ -81,9 +81,10 @@ void run_trace(Context& context, const TraceOptions& options) {
   check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
   Stopwatch watch;
+  check_read_budget(context, options.rays);
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
-  check_exact_options(options.exact, exact, subject);
+  check_exact_options(context, options.exact, exact, subject);
   if (options.cone && !subject.rbvh())
     throw Error(ExitCode::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
   const std::string level = choose_levels(context, subject, options.levels, true).front();

@@ -184,7 +184,7 @@ std::string distance_text(const Json& distance) {
 }
 
 // What is to be said of a file that is whole; throws its first fault.
-Json check_file(const std::string& file, const std::optional<Subject>& pair,
+Json check_file(const Context& context, const std::string& file, const std::optional<Subject>& pair,
                 const std::optional<Proxy>& proxy) {
   Json json = {{"file", file}, {"valid", true}};
   if (pair) {
@@ -192,6 +192,7 @@ Json check_file(const std::string& file, const std::optional<Subject>& pair,
   } else if (proxy) {
     json.update(proxy_json(*proxy));
   } else {
+    check_read_budget(context, file);
     const RawScan scan = read_scan(file);
     json.update({{"kind", scan.triangles.empty() ? "cloud" : "mesh"},
                  {"vertices", scan.positions.size()},
@@ -224,7 +225,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
   try {
     if (is_pair) pair = load_subject(context, options.file);
     if (is_of_quads) proxy = load_proxy(options.file, &header);
-    json = check_file(options.file, pair, proxy);
+    json = check_file(context, options.file, pair, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.code() == ExitCode::kInput)
       print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});

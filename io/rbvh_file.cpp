@@ -295,7 +295,7 @@ Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path,
   return rbvh;
 }
 
-Rbvh read_rbvh(const std::string& path, PairHeader* header) {
+Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<void(const Rbvh&)>& check) {
   if (path == "-") refuse("standard input", "is one stream, and a pair is two files; name the .rbvh");
   PairHeader own;
   PairHeader& head = header != nullptr ? *header : own;
@@ -304,6 +304,7 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header) {
     const InputBytes hierarchy = read_input(path);
     rbvh = decode_hierarchy(bytes_of(hierarchy), path, head);
   }
+  if (check) check(rbvh);
   const std::string atlas_name = atlas_path(path);
   std::error_code error;
   if (!std::filesystem::exists(atlas_name, error))
