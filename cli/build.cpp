@@ -199,12 +199,22 @@ void run_build(Context& context, const BuildOptions& options) {
   const Device device = Device::open(context.device);
   BuildTimings timings;
   watch.lap();
-  Rbvh rbvh = build_rbvh(device, scan, config, context.progress.callback(), &timings);
+  const auto of_file = [&](auto&& work) {  // whose errors do not know where the scan came from
+    try {
+      return work();
+    } catch (const Error& error) {
+      throw Error(error.code(), input_name(options.file), error.what());
+    }
+  };
+  Rbvh rbvh =
+      of_file([&] { return build_rbvh(device, scan, config, context.progress.callback(), &timings); });
   const double build_seconds = watch.lap();
   rbvh.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
   rbvh.source.hash = hash;
   for (const std::string& name : options.layers) warn_of_infinite(context, options.file, scan, name);
-  add_property_layers(rbvh.levels, scan, options.layers, options.layer_scale, context.progress.callback());
+  of_file([&] {
+    add_property_layers(rbvh.levels, scan, options.layers, options.layer_scale, context.progress.callback());
+  });
   const double layer_seconds = watch.lap();
   double measure_seconds = 0;
   if (options.measure) {

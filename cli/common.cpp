@@ -105,6 +105,8 @@ void check_paths_differ(const Context& context, const std::vector<std::string>& 
     const auto whole = std::filesystem::weakly_canonical(path, error);
     return error ? std::filesystem::path(path) : whole;
   };
+  if (std::count(inputs.begin(), inputs.end(), "-") > 1)
+    throw Error(ExitCode::kUsage, "", "standard input can be one input only; name files");
   for (const std::string& input : inputs)
     if (input != "-") taken.insert(resolve(input));
   for (const std::string& output : outputs) {

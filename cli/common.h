@@ -67,7 +67,7 @@ enum CommonOption : unsigned {
   kWithReport = 4,  ///< --report
 };
 
-/// Throws Error(kUsage) where one of `outputs`, the report or the log is an input, or another of them.
+/// Throws Error(kUsage) for an output, report or log that is an input or named twice, and for two inputs "-".
 void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
                         std::vector<std::string> outputs);
 

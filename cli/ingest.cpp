@@ -16,6 +16,7 @@ namespace {
 struct IngestOptions {
   std::vector<std::string> inputs;
   IngestConfig config;
+  std::vector<const CLI::Option*> of_clouds;  // that meshes have no use for, beside what ingest() refuses
 };
 
 Outliers parse_outliers(std::string_view text) {
@@ -158,6 +159,8 @@ void run_ingest(Context& context, const IngestOptions& options) {
   check_output(context.output, context.force);
   Stopwatch watch;
   RawScan all = read_all(context, options.inputs);
+  if (!all.triangles.empty())
+    refuse_options(options.of_clouds, options.inputs[0], "is for clouds, and this is a mesh");
   const double read_seconds = watch.lap();
   const std::string name = options.inputs.size() == 1 ? options.inputs[0] : "the inputs";
   IngestReport counts;
@@ -190,8 +193,9 @@ void add_ingest(CLI::App& app, Context& context) {
              "thin a cloud to one point a cube of this side, in scan units (default: off)");
   add_parsed(*stage, "--min-component", config.min_component, parse_fraction, "FRACTION",
              "remove connected parts with less than this fraction of all faces or points (default: 0)");
-  add_parsed(*stage, "--normals-k", config.normals_k, parse_neighbors, "K",
-             "neighbours from which a cloud's normals and radii are estimated (default: 16)");
+  options->of_clouds.push_back(
+      add_parsed(*stage, "--normals-k", config.normals_k, parse_neighbors, "K",
+                 "neighbours from which a cloud's normals and radii are estimated (default: 16)"));
   add_parsed(*stage, "--viewpoint", config.viewpoint, parse_vec3, "X,Y,Z",
              "where the scanner stood, in the input's coordinates (default: the file's, else none)");
   stage->add_flag("--recompute-normals", config.recompute_normals,

@@ -68,10 +68,9 @@ void run_paint(Context& context, const PaintOptions& options) {
     throw Error(ExitCode::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
   // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
   const std::string output = context.output.empty() ? options.file : context.output;
-  if (output != options.file)
-    check_paths_differ(context,
-                       {options.file, atlas_path(options.file), options.points, options.values, options.scan},
-                       {output, atlas_path(output)});
+  std::vector<std::string> inputs = {options.points, options.values, options.scan};
+  if (output != options.file) inputs.insert(inputs.end(), {options.file, atlas_path(options.file)});
+  check_paths_differ(context, inputs, {output, atlas_path(output)});
   if (context.output.empty())
     check_rbvh_output(output, context.force);
   else

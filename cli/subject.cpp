@@ -44,6 +44,14 @@ const Level& level_of(const Subject& subject, const std::string& level) {
   return *found;
 }
 
+std::vector<std::string> parse_level_list(std::string_view text) {
+  try {
+    return parse_list(text);
+  } catch (const Error& error) {
+    throw Error(ExitCode::kUsage, "", std::string("--level: ") + error.what());
+  }
+}
+
 double parse_pixels(std::string_view text) {
   const double pixels = parse_number(text);
   if (!(pixels > 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
@@ -346,7 +354,7 @@ CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels,
       "--level",
       [&levels, several](const std::vector<std::string>& words) {
         for (const std::string& word : words)
-          for (const std::string& name : parse_list(word)) levels.push_back(name);
+          for (const std::string& name : parse_level_list(word)) levels.push_back(name);
         if (!several && (levels.size() > 1 || levels[0] == "all"))
           throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
       },

@@ -281,6 +281,10 @@ TEST_F(Detail, OptionsThatMeanNothingAreRefusedOrSaid) {
 
 TEST_F(Detail, PairsAreNamedAsSuch) {
   good("build ball.ply -o a.rbvh --levels Q4");
+  bad("build a.rbvh -o x.rbvh", 3, "a.rbvh: is an .rbvh pair, and a scan is wanted");
+  bad("ingest a.rbvh -o x.ply", 3, "a.rbvh: is an .rbvh pair");
+  write("huge.obj", "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nf 1 2 3\n");
+  bad("build huge.obj -o x.rbvh", 3, "huge.obj: the scan's area is beyond");
   bad("build ball.ply -o x.ply --levels Q4", 2, "name the output x.rbvh");
   bad("build ball.ply -o x.atlas.tif --levels Q4", 2, "NAME.rbvh");
   bad("lod a.rbvh --levels Q4 -o x.obj", 2, "x.rbvh");

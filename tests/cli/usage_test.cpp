@@ -70,6 +70,10 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("render a.ply -o a.png --compare wide16,bvh-stack --aov depth", "--aov");
   expect_usage_error("render a.ply -o a.png --tracer bvh-stack --builder kd", "kd");
   expect_usage_error("trace a.ply --rays r.npy -o h.npy --level Q0,Q1", "--level");
+  expect_usage_error("render a.ply -o a.png --level ''", "--level: ''");
+  expect_usage_error("trace - --rays - -o h.npy < a.ply", "standard input");
+  expect_usage_error("paint a.rbvh --layer w --points - --values - -f < a.ply", "standard input");
+  expect_usage_error("ingest a.ply -o b.ply --normals-k 5", "--normals-k is for clouds");
 }
 
 TEST_F(Usage, PictureNamesAreCheckedBeforeAnyWork) {
@@ -90,6 +94,8 @@ TEST_F(Usage, CamerasThatSeeNothingAreRefused) {
   expect_usage_error("render a.ply -o a.png --camera-position 0,9,0 --camera-focal-point 0,0,0", "view up");
   expect_usage_error("render a.ply -o a.png --camera-view-angle 180", "view angle");
   expect_usage_error("render a.ply -o a.png --camera-view-up 0,0,0", "view up");
+  expect_usage_error("render a.ply -o a.png --camera-position 1e300,0,0", "too far");
+  expect_usage_error("render a.ply -o a.png --camera-focal-point 0,-1e300,0", "too far");
 }
 
 TEST_F(Usage, HelpAndVersionGoToStdout) {
