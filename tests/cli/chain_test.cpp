@@ -19,12 +19,6 @@ class Chain : public ToolTest {
     ToolTest::SetUp();
     write("ball.ply", ball_ply(48));
   }
-  // Runs, and expects it to do its work without a word.
-  void good(const std::string& words) {
-    const ToolRun run = tool(words + " -q");
-    EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
-    EXPECT_EQ(run.err, "") << words;
-  }
   void build() { good("build ball.ply -o ball.rbvh"); }
   Picture picture(const std::string& name) const { return read_picture(path(name)); }
   static constexpr const char* kFront =

@@ -16,20 +16,6 @@ class Detail : public ToolTest {
     ToolTest::SetUp();
     write("ball.ply", ball_ply(16));
   }
-  void good(const std::string& words) const {
-    const ToolRun run = tool(words + " -q");
-    EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
-    EXPECT_EQ(run.err, "") << words;
-  }
-  /// Fails with one line that has `part`, and leaves nothing.
-  void bad(const std::string& words, int code, const std::string& part) const {
-    const std::string before = files();
-    const ToolRun run = tool(words + " -q");
-    EXPECT_EQ(run.code, code) << words << "\n" << run.err;
-    EXPECT_EQ(run.lines(), 1) << run.err;
-    EXPECT_NE(run.err.find(part), std::string::npos) << run.err << " lacks " << part;
-    EXPECT_EQ(files(), before) << words;
-  }
   std::string levels(const std::string& file) const {
     std::string names;
     const Json json = info(file);
