@@ -96,3 +96,51 @@ __kernel void primitives_discs(__global const float* positions, __global const f
   box_hi[j] = c + reach;
   area_normal[j] = n * (spacing * spacing);
 }
+
+// The part of their area that normals' sum must have to be of one side.
+#define ONE_SIDED 0.35f
+
+// The direction that the normals of primitives [begin, end) have most of, either way: of the sum of n n^T / |n| the
+// longest row, turned further by itself.
+static inline float4 main_axis(__global const float4* area_normal, uint begin, uint end) {
+  float4 x = (float4)(0.0f), y = x, z = x;
+  for (uint i = begin; i < end; ++i) {
+    float4 n = area_normal[i];
+    n.w = 0.0f;
+    const float size = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+    if (!(size > 0.0f)) continue;
+    const float4 unit = n / size;
+    x += n * unit.x;
+    y += n * unit.y;
+    z += n * unit.z;
+  }
+  float4 axis = x.x >= y.y && x.x >= z.z ? x : y.y >= z.z ? y : z;
+  for (int turn = 0; turn < 4; ++turn) {
+    axis /= max(fabs(axis.x) + fabs(axis.y) + fabs(axis.z), 1e-37f);
+    axis = (float4)(dot(x, axis), dot(y, axis), dot(z, axis), 0.0f);
+  }
+  return axis;
+}
+
+// Areas without what noise adds that is finer than a patch of area `limit`: primitives that lie together and have no more
+// area than that get the area of their mean plane, handed out by their own. Where normals cancel, as in a thin sheet, each
+// side is for itself. One work-item looks at `window` primitives in a row.
+__kernel void primitives_smooth_areas(uint count, uint window, float limit, __global const float4* area_normal,
+                                      __global float4* box_lo) {
+  const uint first = get_global_id(0) * window, last = min(first + window, count);
+  for (uint begin = first, end; begin < last; begin = end) {
+    float area = box_lo[begin].w;
+    for (end = begin + 1; end < last && area + box_lo[end].w <= limit; ++end) area += box_lo[end].w;
+    if (end - begin < 2 || !(area > 0.0f)) continue;
+    const float4 axis = main_axis(area_normal, begin, end);
+    float4 sums[2] = {(float4)(0.0f), (float4)(0.0f)};
+    for (uint i = begin; i < end; ++i) {
+      float4 n = area_normal[i];
+      n.w = 0.0f;
+      sums[dot(n, axis) < 0.0f ? 1 : 0] += n;
+    }
+    const float one_side = length(sums[0] + sums[1]) / area;
+    const float scale = one_side > ONE_SIDED ? min(one_side, 1.0f) : min((length(sums[0]) + length(sums[1])) / area, 1.0f);
+    for (uint i = begin; i < end; ++i) box_lo[i].w *= scale;
+  }
+}

@@ -247,7 +247,8 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
   Partition own{.nodes = partition.nodes,
                 .references = Buffer<std::uint32_t>(device, primitives.count),
                 .cones = false,
-                .rule = rule.config->split};
+                .rule = rule.config->split,
+                .host = partition.host};
   own.references.copy_from(partition.references, primitives.count);
   std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
   const bool rims_apart = keeps_rims(rule, partition.nodes[0]);
@@ -316,7 +317,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
   const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones, config.split);
+  Partition partition = make_root(primitives, cones, config.split, config.partition);
   const float own_area = partition.nodes[0].sums.area;
   const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
