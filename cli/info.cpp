@@ -51,6 +51,11 @@ std::string bounds_text(const Json& b) {
   return b.is_null() ? "none" : vec_text(b["lo"]) + " to " + vec_text(b["hi"]);
 }
 
+// "1 level": of the JSON's own "levels".
+std::string count(const Json& json, const std::string& noun) {
+  return counted(json[plural(noun)].get<std::uint64_t>(), noun);
+}
+
 // --- pairs
 // --------------------------------------------------------------------------------------------------------
 
@@ -89,9 +94,9 @@ Json level_json(const Level& level, std::uint64_t primitives) {
   return json;
 }
 
-Json pair_json(const std::string& path) {
+Json pair_json(const Context& context, const std::string& path) {
   PairHeader header;
-  const Rbvh rbvh = read_rbvh(path, &header);
+  const Rbvh rbvh = load_pair(context, path, &header);
   const RbvhSource& source = rbvh.source;
   Json json = {
       {"file", path},
@@ -125,9 +130,9 @@ std::string pair_text(const Json& json) {
                      bytes(json["bytes"]) + " (hierarchy " + bytes(json["hierarchy"]["bytes"]) + ", atlas " +
                      bytes(json["atlas"]["bytes"]) + ")\n";
   text += "source   " + string(source["name"]) + " (" + string(source["hash"]) +
-          "): " + string(source["kind"]) + ", " + source["vertices"].dump() + " vertices, " +
-          source["triangles"].dump() + " triangles, area " +
-          fmt::format("{:.6g}", source["area"].get<double>()) + ", units " + string(source["units"]) + "\n";
+          "): " + string(source["kind"]) + ", " + count(source, "vertex") + ", " + count(source, "triangle") +
+          ", area " + fmt::format("{:.6g}", source["area"].get<double>()) + ", units " +
+          string(source["units"]) + "\n";
   text += "bounds   " + bounds_text(source["bounds"]) + "\n";
   text += "shift    " + vec_text(source["shift"]) + "\n";
   text += "options  " + printable(json["build_options"].dump()) + "\n";
@@ -157,20 +162,18 @@ std::string pair_text(const Json& json) {
     if (f.is_null()) continue;
     const auto figure = [&](const char* pointer) { return f.at(Json::json_pointer(pointer)).get<double>(); };
     text += string(level["name"]) + " against its source: mask mismatch " +
-            fmt::format(
-                "{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {} holes, {} leaks, "
-                "{} walls\n",
-                figure("/mask_mismatch_percent"), figure("/median_dt"), figure("/p99_dt"), f["holes"].dump(),
-                f["leaks"].dump(), f["walls"].dump());
+            fmt::format("{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {}, {}, {}\n",
+                        figure("/mask_mismatch_percent"), figure("/median_dt"), figure("/p99_dt"),
+                        count(f, "hole"), count(f, "leak"), count(f, "wall"));
     if (f.contains("image"))
       text += fmt::format(
           "   surface distance {:.2g}% rms, {:.2g}% at most; normals {:.2g} degrees (p95 {:.2g}); image RMSE "
-          "{:.3g}, {} of the control's; {} views of {} x {}\n",
+          "{:.3g}, {} of the control's; {} of {} x {}\n",
           std::max(figure("/level_to_scan/rms_percent"), figure("/scan_to_level/rms_percent")),
           std::max(figure("/level_to_scan/max_percent"), figure("/scan_to_level/max_percent")),
           figure("/normal_degrees/median"), figure("/normal_degrees/p95"), figure("/image/rmse"),
           f["image_relative"].is_null() ? "-" : fmt::format("{:.2f}", figure("/image_relative")),
-          f["views"].dump(), f["resolution"].dump(), f["resolution"].dump());
+          count(f, "view"), f["resolution"].dump(), f["resolution"].dump());
   }
   return text;
 }
@@ -224,7 +227,7 @@ std::string proxy_text(const Json& json) {
                      bytes(json["mesh"]["bytes"]) + ", map " + bytes(map["bytes"]) + ")\n";
   text += "source   " + printable(source["name"].get<std::string>()) + " (" +
           source["hash"].get<std::string>() + ")\n";
-  text += "base     " + json["patches"].dump() + " patches, " + json["vertices"].dump() + " vertices, " +
+  text += "base     " + count(json, "patch") + ", " + count(json, "vertex") + ", " +
           bounds_text(json["base_bounds"]) + "\n";
   text += "surface  " + bounds_text(json["bounds"]) + ", displaced by up to " +
           fmt::format("{:.6g}", json["longest_displacement"].get<double>()) + "\n";
@@ -239,7 +242,8 @@ std::string proxy_text(const Json& json) {
 // --- scans
 // --------------------------------------------------------------------------------------------------------
 
-Json scan_json(const std::string& path) {
+Json scan_json(const Context& context, const std::string& path) {
+  check_read_budget(context, path);
   const RawScan scan = read_scan(path);
   const bool is_mesh = !scan.triangles.empty();
   Bounds3d box;
@@ -279,12 +283,12 @@ Json scan_json(const std::string& path) {
 
 std::string scan_text(const Json& json) {
   std::string text = printable(json["file"].get<std::string>()) + ": " + json["kind"].get<std::string>() +
-                     ", " + json["vertices"].dump() + " vertices, " + json["triangles"].dump() +
-                     " triangles, " + json["objects"].dump() +
-                     (json["objects"] == 1 ? " object" : " objects");
+                     ", " + count(json, "vertex") + ", " + count(json, "triangle") + ", " +
+                     count(json, "object");
   if (json.contains("area")) text += ", area " + fmt::format("{:.6g}", json["area"].get<double>());
   text += "\n";
-  if (json["non_finite"] != 0) text += "not finite  " + json["non_finite"].dump() + " vertices\n";
+  if (json["non_finite"] != 0)
+    text += "not finite  " + counted(json["non_finite"].get<std::uint64_t>(), "vertex") + "\n";
   text += "bounds      " + bounds_text(json["bounds"]) + "\n";
   text += "shift       " + vec_text(json["shift"]) + "\n";
   text += "vertices    position";
@@ -297,9 +301,11 @@ std::string scan_text(const Json& json) {
   return text;
 }
 
-void run_info(const std::string& path, bool as_json) {
+void run_info(const Context& context, const std::string& path, bool as_json) {
   const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path);
-  const Json json = is_pair ? pair_json(path) : is_of_quads ? proxy_json(path) : scan_json(path);
+  const Json json = is_pair       ? pair_json(context, path)
+                    : is_of_quads ? proxy_json(path)
+                                  : scan_json(context, path);
   print_data(as_json       ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
              : is_pair     ? pair_text(json)
              : is_of_quads ? proxy_text(json)
@@ -316,7 +322,7 @@ void add_info(CLI::App& app, Context& context) {
   const auto options = std::make_shared<Options>();
   CLI::App* stage = add_stage(
       app, context, {"info", "Say what a pair, a proxy or a scan holds", "rbvh info dragon.rbvh --json"}, 0,
-      [options] { run_info(options->file, options->as_json); });
+      [&context, options] { run_info(context, options->file, options->as_json); });
   stage->add_option("FILE", options->file, "an .rbvh, a proxy, or a scan (-: standard input)")->required();
   stage->add_flag("--json", options->as_json, "as JSON");
 }

@@ -31,23 +31,43 @@ __kernel void primitives_morton(__global const float* positions, __global const 
   ids[i] = i;
 }
 
-// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w is free.
+static inline uint scramble(uint x) {
+  x = (x ^ (x >> 16)) * 0x85ebca6bu;
+  x = (x ^ (x >> 13)) * 0xc2b2ae35u;
+  return x ^ (x >> 16);
+}
+
+// Which vertices lie on a rim: inside a surface each neighbour of a vertex belongs to two of its triangles, and numbers
+// that are combined twice by exclusive or leave nothing. `left_over`: zero before; what is left of each vertex.
+__kernel void primitives_rims(__global const uint* indices, uint count, volatile __global uint* left_over) {
+  const uint i = get_global_id(0);
+  if (i >= count) return;
+  const uint a = indices[3 * i], b = indices[3 * i + 1], c = indices[3 * i + 2];
+  const uint of_a = scramble(a), of_b = scramble(b), of_c = scramble(c);
+  atomic_xor(left_over + a, of_b ^ of_c);
+  atomic_xor(left_over + b, of_c ^ of_a);
+  atomic_xor(left_over + c, of_a ^ of_b);
+}
+
+// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w: 1 where it touches a rim.
 __kernel void primitives_triangles(__global const float* positions, __global const uint* indices,
-                                   __global const uint* order, uint count, __global float* shape,
-                                   __global float4* box_lo, __global float4* box_hi, __global float4* area_normal) {
+                                   __global const uint* order, __global const uint* left_over, uint count,
+                                   __global float* shape, __global float4* box_lo, __global float4* box_hi,
+                                   __global float4* area_normal) {
   const uint j = get_global_id(0);
   if (j >= count) return;
   const uint i = order[j];
-  const float4 a = load3(positions, indices[3 * i]), b = load3(positions, indices[3 * i + 1]),
-               c = load3(positions, indices[3 * i + 2]);
+  const uint3 corner = vload3(i, indices);
+  const float4 a = load3(positions, corner.x), b = load3(positions, corner.y), c = load3(positions, corner.z);
   vstore3(a.xyz, 0, shape + 9 * (size_t)j);
   vstore3(b.xyz, 1, shape + 9 * (size_t)j);
   vstore3(c.xyz, 2, shape + 9 * (size_t)j);
-  const float4 n = 0.5f * cross(b - a, c - a);
+  float4 n = 0.5f * cross(b - a, c - a);
   float4 lo = min(a, min(b, c));
   lo.w = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
   box_lo[j] = lo;
   box_hi[j] = max(a, max(b, c));
+  n.w = (left_over[corner.x] | left_over[corner.y] | left_over[corner.z]) != 0 ? 1.0f : 0.0f;
   area_normal[j] = n;
 }
 

@@ -23,6 +23,7 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
     to.area_normal[k] += from.area_normal[k];
   }
   to.area += from.area;
+  to.rims += from.rims;
   to.count += from.count;
 }
 
@@ -204,10 +205,11 @@ void split_once(Partition& partition, const Primitives& primitives,
   for (const SplitRequest& request : requests) active.push_back(request.node);
   std::vector<Split> splits = choose_splits(partition, primitives, active);
   for (std::size_t k = 0; k < requests.size(); ++k) {
-    if (!requests[k].by_facing || splits[k].kind == RBVH_SPLIT_OBJECT) continue;
+    if (requests[k].by == SplitBy::kRule || splits[k].kind == RBVH_SPLIT_OBJECT) continue;
     splits[k] = spatial_median(partition.nodes[requests[k].node]);
-    splits[k].kind = RBVH_SPLIT_FACING;
+    splits[k].kind = requests[k].by == SplitBy::kFacing ? RBVH_SPLIT_FACING : RBVH_SPLIT_RIM;
     std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
+    splits[k].position = requests[k].cosine;
   }
   split_level(partition, primitives, active, std::move(splits));
 }

@@ -63,11 +63,18 @@ Partition make_root(const Primitives& primitives, bool cones, SplitRule rule = S
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
 
+enum class SplitBy {
+  kRule,    ///< as split_nodes()
+  kFacing,  ///< what faces along `facing` from what does not
+  kRim,     ///< what touches the surface's rim from what does not
+};
+
 /// A node to be split once.
 struct SplitRequest {
   std::uint32_t node;
-  bool by_facing = false;  ///< what faces along `facing` from what does not, else as split_nodes()
+  SplitBy by = SplitBy::kRule;
   Vec3f facing{};
+  float cosine = 0;  ///< with `facing`, the least one of what faces along it
 };
 
 /// Splits each node once, also nodes that have children: those are forgotten.

@@ -41,10 +41,12 @@ PartitionNode make_node(const Partition& partition, References all, std::uint32_
   Bounds3d box;
   double area = 0;
   Vec3d normal;
+  float rims = 0;
   for (const std::uint32_t i : own) {
     box.add(box_of(p, i));
     area += static_cast<double>(p.box_lo[i].w);
     normal = normal + xyz(p.area_normal[i]);
+    rims += p.area_normal[i].w;
   }
   PartitionNode node{.begin = begin, .end = end, .objects = objects_of(p, own)};
   for (int axis = 0; axis < 3; ++axis) {
@@ -54,6 +56,7 @@ PartitionNode make_node(const Partition& partition, References all, std::uint32_
   }
   node.sums.area = static_cast<float>(area);
   node.sums.count = end - begin;
+  node.sums.rims = rims;
   if (!partition.cones) return node;
   double least = 1;
   const Vec3d mean = normalized(normal);
@@ -125,10 +128,10 @@ std::uint32_t split_by(References references, const GoesLeft& goes_left) {
                                     references.begin());
 }
 
-/// The first of these that leaves nothing empty: what faces along `facing` (where given) from what does not;
-/// one of exactly two objects from the other; the partition's rule; the spatial median; halves.
+/// The first of these that leaves nothing empty: one of exactly two objects from the other; as `request`
+/// says; the partition's rule; the spatial median; halves.
 std::uint32_t split_in_two(const Partition& partition, References references, const PartitionNode& node,
-                           const Vec3f* facing) {
+                           const SplitRequest& request) {
   const HostPrimitives& p = *partition.host;
   const auto count = static_cast<std::uint32_t>(references.size());
   const Bounds3f own = node.bounds();
@@ -138,9 +141,13 @@ std::uint32_t split_in_two(const Partition& partition, References references, co
     const std::uint32_t first = std::min(node.objects.ids[0], node.objects.ids[1]);
     ways.push_back([&p, first](std::uint32_t i) { return p.objects[i] == first; });
   } else {
-    if (facing != nullptr) {
-      const Vec3d along(*facing);
-      ways.push_back([&p, along](std::uint32_t i) { return dot(xyz(p.area_normal[i]), along) >= 0; });
+    if (request.by == SplitBy::kFacing) {
+      ways.push_back([&p, &request](std::uint32_t i) {
+        const Vec3d n = xyz(p.area_normal[i]);
+        return dot(n, Vec3d(request.facing)) >= static_cast<double>(request.cosine) * length(n);
+      });
+    } else if (request.by == SplitBy::kRim) {
+      ways.push_back([&p](std::uint32_t i) { return p.area_normal[i].w != 0; });
     } else if (partition.rule == SplitRule::kSurfaceArea) {
       if (const std::optional<Plane> plane = cheapest_plane(p, references, box))
         ways.push_back([&p, plane](std::uint32_t i) { return plane->has_below(p, i); });
@@ -155,9 +162,10 @@ std::uint32_t split_in_two(const Partition& partition, References references, co
   return count / 2;
 }
 
-void split_node(Partition& partition, References all, std::uint32_t n, const Vec3f* facing) {
+void split_node(Partition& partition, References all, const SplitRequest& request) {
+  const std::uint32_t n = request.node;
   const PartitionNode node = partition.nodes[n];
-  const std::uint32_t left = split_in_two(partition, all.subspan(node.begin, node.count()), node, facing);
+  const std::uint32_t left = split_in_two(partition, all.subspan(node.begin, node.count()), node, request);
   partition.nodes[n].left = static_cast<std::int32_t>(partition.nodes.size());
   partition.nodes.push_back(make_node(partition, all, node.begin, node.begin + left));
   partition.nodes.push_back(make_node(partition, all, node.begin + left, node.end));
@@ -190,7 +198,7 @@ void split_nodes_on_host(Partition& partition, std::vector<std::uint32_t> active
   // Breadth first: `active` grows while it is gone through.
   std::size_t done = 0;
   for (std::size_t k = 0; k < active.size(); ++k) {
-    split_node(partition, references, active[k], nullptr);
+    split_node(partition, references, {active[k]});
     for (const std::int32_t child : {partition.nodes[active[k]].left, partition.nodes[active[k]].left + 1}) {
       const auto c = static_cast<std::uint32_t>(child);
       if (partition.nodes[c].count() > 1 && wants_split(partition.nodes[c]))
@@ -206,8 +214,7 @@ void split_nodes_on_host(Partition& partition, std::vector<std::uint32_t> active
 
 void split_once_on_host(Partition& partition, const std::vector<SplitRequest>& requests) {
   std::vector<std::uint32_t> references = partition.references.read();
-  for (const SplitRequest& request : requests)
-    split_node(partition, references, request.node, request.by_facing ? &request.facing : nullptr);
+  for (const SplitRequest& request : requests) split_node(partition, references, request);
   partition.references.write(std::span<const std::uint32_t>(references));
 }
 

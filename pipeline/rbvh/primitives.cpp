@@ -91,9 +91,12 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
         .run(count, group, positions, p.normals, radii, static_cast<float>(spacing), p.order, p.count,
              p.shape, p.box_lo, p.box_hi, p.area_normal);
   } else {
+    Buffer<std::uint32_t> left_over(device, vertices);
+    left_over.fill(0);
+    device.kernel("primitives", "primitives_rims").run(count, group, p.indices, p.count, left_over);
     area = surface_area(scan);
     device.kernel("primitives", "primitives_triangles")
-        .run(count, group, positions, p.indices, p.order, p.count, p.shape, p.box_lo, p.box_hi,
+        .run(count, group, positions, p.indices, p.order, left_over, p.count, p.shape, p.box_lo, p.box_hi,
              p.area_normal);
   }
   device.kernel("primitives", "primitives_smooth_areas")
