@@ -186,7 +186,7 @@ TEST(HostPartitionOnly, SplitsByFacingObjectsAndCount) {
   const Device device = Device::open();
   Partition sheet =
       make_root(upload_primitives(device, scan), false, SplitRule::kSpatialMedian, PartitionWhere::kHost);
-  split_once(sheet, upload_primitives(device, scan), {{0, true, {0, 0, 1}}});
+  split_once(sheet, upload_primitives(device, scan), {{0, SplitBy::kFacing, {0, 0, 1}}});
   ASSERT_EQ(sheet.nodes.size(), 3u);
   EXPECT_GT(sheet.nodes[1].sums.area_normal[2], 0.99f);
   EXPECT_LT(sheet.nodes[2].sums.area_normal[2], -0.99f);

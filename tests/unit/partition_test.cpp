@@ -78,7 +78,7 @@ TEST(Partition, SplitsAThinSheetByFacing) {
   add_plate(scan, 10, -0.001f, false);
   const Primitives primitives = upload_primitives(Device::open(), scan);
   Partition partition = make_root(primitives, false);
-  split_once(partition, primitives, {{0, true, {0, 0, 1}}});
+  split_once(partition, primitives, {{0, SplitBy::kFacing, {0, 0, 1}}});
   check(partition, primitives);
   ASSERT_EQ(partition.nodes.size(), 3u);
   EXPECT_GT(partition.nodes[1].sums.area_normal[2], 0.99f);
