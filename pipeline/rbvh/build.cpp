@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <span>
@@ -37,6 +38,10 @@ constexpr std::uint32_t kFloorPrimitives = 4;
 constexpr float kLeastArea = 1e-15f, kMostArea = 1e17f;
 /// Discs that lie further apart than this where they overlap are noise that a tile would not show as they do.
 constexpr float kNoiseTexels = 0.1f;
+/// A mesh whose noise adds more than this to its area (primitives_smooth_areas) is noisy all over: how single
+/// triangles stand says nothing, and only steps and misses of more than kNoisyStep texels are worth a split.
+constexpr double kNoisyArea = 1.1;
+constexpr float kNoisyStep = 8;
 /// A leaf of no more primitives than this may keep them; of a faulty tile.
 constexpr std::uint32_t kMostExact = 64, kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
@@ -87,7 +92,8 @@ bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
          texels >= kTexelsPerExact * tile.leaf.primitives;
 }
 
-RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool rims_apart) {
+RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool rims_apart,
+                           bool is_noisy) {
   RasterConfig raster{.rims_apart = rims_apart, .rho = rho};
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
@@ -96,6 +102,9 @@ RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_d
     const float noise = primitives.mean_radius * std::sqrt(rho);
     raster.layer_gap = std::max(raster.layer_gap, noise);
     raster.step_limit = std::max(raster.step_limit, noise);
+  } else if (is_noisy) {
+    raster.step_limit = raster.miss_limit = kNoisyStep;
+    raster.steep_limit = std::numeric_limits<float>::infinity();
   }
   return raster;
 }
@@ -253,6 +262,7 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
   std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
   const bool rims_apart = keeps_rims(rule, partition.nodes[0]);
   if (rims_apart) leaves = part_rims(own, primitives, leaves);
+  const bool is_noisy = primitives.area > kNoisyArea * static_cast<double>(partition.nodes[0].sums.area);
   const auto is_final = [&](Tile& tile) {
     const PartitionNode& node = own.nodes[tile.node];
     if (rims_apart && node.sums.rims > 0) tile.is_faulty = true;
@@ -271,9 +281,9 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
     for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
     std::vector<SplitRequest> requests;
     for (const auto& [rho, group] : by_rho)
-      for (const Tile& tile :
-           rasterize_tiles(primitives, own, group, raster_config(rho, primitives, keeps_discs, rims_apart),
-                           is_final, texels)) {
+      for (const Tile& tile : rasterize_tiles(
+               primitives, own, group, raster_config(rho, primitives, keeps_discs, rims_apart, is_noisy),
+               is_final, texels)) {
         if (tile.is_final)
           tiles.push_back(tile);
         else

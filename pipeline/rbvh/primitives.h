@@ -28,6 +28,7 @@ struct Primitives {
   Buffer<std::uint32_t> objects;  ///< ids; one dummy where all primitives are of one object
   bool has_objects = false;
   float mean_radius = 0;  ///< of the discs
+  double area = 0;        ///< of all, with what noise adds
 };
 
 /// The work-group size that suits the device's one-work-item-one-job kernels.
