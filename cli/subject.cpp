@@ -29,6 +29,8 @@ constexpr std::uint64_t kPairBytesPerFileByte = 6;
 // A map is in memory as it was read and on the device; compressed to half on disk.
 constexpr std::uint64_t kProxyBytesPerFileByte = 5;
 constexpr std::uint64_t kBytesPerTwinTriangle = 120;  // mesh, hierarchy and what builds it
+constexpr std::uint64_t kBytesPerCastPrimitive = 200;  // in memory, its hierarchy, and what builds that
+constexpr std::uint64_t kBytesPerPatch = 400;
 constexpr std::uint64_t kMostNumbers = 1u << 24;
 constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
 
@@ -38,6 +40,12 @@ std::uint64_t file_bytes(const std::string& path) {
   return code ? 0 : size;
 }
 
+std::uint64_t bytes_to_read(const std::string& path) {
+  if (is_rbvh(path)) return (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte;
+  if (is_proxy(path)) return (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte;
+  return file_bytes(path) * kScanBytesPerFileByte;
+}
+
 const Level& level_of(const Subject& subject, const std::string& level) {
   const Level* found = subject.rbvh()->find_level(level);
   RBVH_CHECK(found != nullptr);
@@ -45,15 +53,13 @@ const Level& level_of(const Subject& subject, const std::string& level) {
 }
 
 Rbvh load_pair(Context& context, const std::string& path) {
-  check_budget(context, (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte, path,
-               "reading it");
+  check_budget(context, bytes_to_read(path), path, "reading it");
   return read_rbvh(path);
 }
 
 /// A proxy or, where it is to be tessellated, a scan.
 SceneObject load_proxy_object(Context& context, const std::string& path, std::optional<std::uint32_t> most) {
-  check_budget(context, (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte, path,
-               "reading it");
+  check_budget(context, bytes_to_read(path), path, "reading it");
   SceneObject object;
   Proxy proxy = load_proxy(path);
   object.bounds = surface_bounds(proxy);
@@ -95,6 +101,9 @@ SceneObject load_object(Context& context, const SceneFile::Object& file, std::op
 
 Scene load_scene(Context& context, const std::string& path, std::optional<std::uint32_t> most) {
   const SceneFile file = read_scene(path);
+  std::uint64_t bytes = 0;
+  for (const SceneFile::Object& object : file.objects) bytes += bytes_to_read(object.path);
+  check_budget(context, bytes, path, "reading all its files");
   Scene scene;
   scene.z_is_up = file.z_is_up;
   for (const SceneFile::Object& object : file.objects)
@@ -195,6 +204,29 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
     throw Error(ExitCode::kInput, subject.path,
                 std::to_string(leaves) +
                     " leaves or primitives are more than the 16777216 that a float32 can number");
+}
+
+void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config) {
+  std::uint64_t bytes = 0;
+  bool has_proxy = false;
+  const auto add_scan = [&](const Scan& scan) {
+    bytes += std::max(scan.triangles.size(), scan.is_cloud() ? scan.positions.size() : 0) * kBytesPerCastPrimitive;
+  };
+  if (const Scan* scan = subject.scan()) add_scan(*scan);
+  if (const Scene* scene = subject.scene()) {
+    for (const SceneObject& object : scene->objects) {
+      if (object.scan() != nullptr) add_scan(*object.scan());
+      if (const Level* level = object.level(); level != nullptr && !level->layers.empty())
+        bytes += level->layers[0].texels.size() * sizeof(std::uint16_t);
+      if (const Proxy* proxy = object.proxy()) {
+        has_proxy = true;
+        bytes += 2 * proxy->map.size() * sizeof(Vec3f) + proxy->quads.size() * kBytesPerPatch;  // here, and there
+      }
+    }
+    bytes += scene->instances.size() * (sizeof(SceneInstance) + sizeof(ExactNode));
+  }
+  if (has_proxy) bytes += config.proxy.cache_bytes;
+  check_budget(context, bytes, subject.path, "casting rays at it");
 }
 
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,

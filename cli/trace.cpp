@@ -81,6 +81,7 @@ void run_trace(Context& context, const TraceOptions& options) {
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
   check_exact_options(options.exact, exact, subject);
+  check_cast_budget(context, subject, options.scene);
   const std::string level = choose_levels(subject, options.levels, true).front();
   if ((level == "auto") != options.cone.has_value() && subject.rbvh())
     throw Error(ExitCode::kUsage, "", "--level auto and --cone go together");

@@ -179,12 +179,30 @@ static inline void build_vertices(__global const Patch* p, __global const float*
   }
 }
 
-// Four rows of four numbers in the order of a Morton curve.
-#define MORTON16(a, b, c, d) (float16)(a.lo, b.lo, a.hi, b.hi, c.lo, d.lo, c.hi, d.hi)
+// 16 nodes on their way to their parents.
+typedef struct Nodes16 {
+  ushort16 planes[6];
+  int16 x, y, z;  // normals
+  uint16 u, v;
+} Nodes16;
 
-// 16 micro-quads: 5 x 5 vertices. `block` is the b-th of the finest level.
-static inline void build_leaves16(__global PatchBlock* block, __global const float* vertices, uint level, uint b,
-                                  const float* root_lo, const float* per_quantum) {
+static inline Nodes16 load_nodes16(__global const PatchBlock* block) {
+  Nodes16 nodes;
+  for (uint row = 0; row < 6; ++row) nodes.planes[row] = vload16(0, block->planes[row]);
+  const int16 n = as_int16(vload16(0, block->normals));
+  nodes.x = (n << 21) >> 21;
+  nodes.y = (n << 10) >> 21;
+  nodes.z = n >> 22;
+  const uint16 uv = vload16(0, block->uvs);
+  nodes.u = uv & 0xffff;
+  nodes.v = uv >> 16;
+  return nodes;
+}
+
+// The b-th 16 micro-quads, of 5 x 5 vertices.
+static inline Nodes16 leaves16(__global const float* vertices, uint level, uint b, const float* root_lo,
+                               const float* per_quantum) {
+  Nodes16 nodes;
   const uint n = 1u << level, side = n + 1;
   const uint i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
   float16 rows[5];  // of five vertices, and a float more
@@ -205,50 +223,38 @@ static inline void build_leaves16(__global PatchBlock* block, __global const flo
     const float16 lo = min(min(p00, p10), min(p01, p11)), hi = max(max(p00, p10), max(p01, p11));
     const float16 q_lo = clamp(floor((lo - root_lo[axis]) * per_quantum[axis] - 0.05f), 0.0f, 65535.0f);
     const float16 q_hi = clamp(ceil((hi - root_lo[axis]) * per_quantum[axis] + 0.05f), 0.0f, 65535.0f);
-    vstore16(convert_ushort16(q_lo), 0, block->planes[axis]);
-    vstore16(convert_ushort16(q_hi), 0, block->planes[axis + 3]);
+    nodes.planes[axis] = convert_ushort16(q_lo);
+    nodes.planes[axis + 3] = convert_ushort16(q_hi);
     e[axis] = (p11 - p00) * per_quantum[0];
     f[axis] = (p01 - p10) * per_quantum[0];
   }
   const float16 x = e[1] * f[2] - e[2] * f[1], y = e[2] * f[0] - e[0] * f[2], z = e[0] * f[1] - e[1] * f[0];
   const float16 length2 = x * x + y * y + z * z;
   const float16 scale = select((float16)(0.0f), rsqrt(length2), length2 > 0.0f);
-  const int16 px = convert_int16(rint(x * scale * 1023.0f)), py = convert_int16(rint(y * scale * 1023.0f)),
-              pz = convert_int16(rint(z * scale * 511.0f));
-  vstore16(as_uint16((px & 0x7ff) | (py & 0x7ff) << 11 | pz << 22), 0, block->normals);
+  nodes.x = convert_int16(rint(x * scale * 1023.0f));
+  nodes.y = convert_int16(rint(y * scale * 1023.0f));
+  nodes.z = convert_int16(rint(z * scale * 511.0f));
   const float16 u = (float16)(0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3);
   const float16 v = (float16)(0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3);
   const float size = 65535.0f / (float)n;
-  vstore16(convert_uint16((u + ((float)i + 0.5f)) * size) | convert_uint16((v + ((float)j + 0.5f)) * size) << 16, 0,
-           block->uvs);
+  nodes.u = convert_uint16((u + ((float)i + 0.5f)) * size);
+  nodes.v = convert_uint16((v + ((float)j + 0.5f)) * size);
+  return nodes;
 }
 
-// 16 nodes from the four blocks of their children.
-static inline void build_inner16(__global PatchBlock* blocks, uint at) {
-  __global PatchBlock* block = blocks + at;
-  __global const PatchBlock* from = blocks + (4 * at - 2);
+#define SUM4(v) ((v).even.even + (v).even.odd + (v).odd.even + (v).odd.odd)
+
+// The four parents of 16 nodes.
+static inline void build_parents4(const Nodes16* nodes, __global PatchBlock* block, uint lane) {
+#pragma unroll
   for (uint row = 0; row < 6; ++row) {
-    ushort16 v = 0;
-    ushort4 each[4];
-    for (uint k = 0; k < 4; ++k) {
-      const ushort16 c = vload16(0, from[k].planes[row]);
-      const ushort8 c8 = row < 3 ? min(c.even, c.odd) : max(c.even, c.odd);
-      each[k] = row < 3 ? min(c8.even, c8.odd) : max(c8.even, c8.odd);
-    }
-    v = (ushort16)(each[0], each[1], each[2], each[3]);
-    vstore16(v, 0, block->planes[row]);
+    const ushort16 c = nodes->planes[row];
+    const ushort8 c8 = row < 3 ? min(c.even, c.odd) : max(c.even, c.odd);
+    vstore4(row < 3 ? min(c8.even, c8.odd) : max(c8.even, c8.odd), 0, block->planes[row] + lane);
   }
-  for (uint k = 0; k < 4; ++k) {
-    const int16 n = as_int16(vload16(0, from[k].normals));
-    const int16 x = (n << 21) >> 21, y = (n << 10) >> 21, z = n >> 22;
-    const int8 x8 = x.even + x.odd, y8 = y.even + y.odd, z8 = z.even + z.odd;
-    const int4 x4 = (x8.even + x8.odd + 2) >> 2, y4 = (y8.even + y8.odd + 2) >> 2, z4 = (z8.even + z8.odd + 2) >> 2;
-    vstore4(as_uint4((x4 & 0x7ff) | (y4 & 0x7ff) << 11 | z4 << 22), 0, block->normals + 4 * k);
-    const uint16 uv = vload16(0, from[k].uvs);
-    const uint16 u = uv & 0xffff, v = uv >> 16;
-    const uint8 u8 = u.even + u.odd, v8 = v.even + v.odd;
-    vstore4(((u8.even + u8.odd) >> 2) | ((v8.even + v8.odd) >> 2) << 16, 0, block->uvs + 4 * k);
-  }
+  const int4 x = (SUM4(nodes->x) + 2) >> 2, y = (SUM4(nodes->y) + 2) >> 2, z = (SUM4(nodes->z) + 2) >> 2;
+  vstore4(as_uint4((x & 0x7ff) | (y & 0x7ff) << 11 | z << 22), 0, block->normals + lane);
+  vstore4(SUM4(nodes->u) >> 2 | SUM4(nodes->v) >> 2 << 16, 0, block->uvs + lane);
 }
 #endif
 
@@ -260,22 +266,22 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
   const uint id = (uint)get_local_id(0);
 #ifdef WIDE
   build_vertices(p, map, level, build.edges, vertices);
-  if (level >= 2) {
+  if (level < 2) {
+    for (uint m = 0; m < n * n; ++m) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
+  } else {
     const float lo[3] = {root_lo.x, root_lo.y, root_lo.z};
     const float scale[3] = {per_quantum.x, per_quantum.y, per_quantum.z};
-    __global PatchBlock* finest = blocks + (first_node(level) + PATCH_FIRST_LANE) / PATCH_WIDTH;
-    for (uint b = 0; b < n * n / PATCH_WIDTH; ++b) build_leaves16(finest + b, vertices, level, b, lo, scale);
-  } else {
-    for (uint m = 0; m < n * n; ++m) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
-  }
-  for (int l = (int)level - 1; l >= 0; --l) {
-    if (l >= 2) {
-      const uint first = (first_node((uint)l) + PATCH_FIRST_LANE) / PATCH_WIDTH;
-      for (uint b = 0; b < (1u << 2 * l) / PATCH_WIDTH; ++b) build_inner16(blocks, first + b);
-    } else {
-      for (uint k = first_node((uint)l); k < first_node((uint)l + 1); ++k) build_inner(blocks, k);
+    for (uint l = level - 1; l >= 1; --l) {
+      const uint first = first_node(l) + PATCH_FIRST_LANE;
+      __global const PatchBlock* below = blocks + (first_node(l + 1) + PATCH_FIRST_LANE) / PATCH_WIDTH;
+      for (uint b = 0; b < 1u << 2 * (l - 1); ++b) {
+        const Nodes16 nodes = l + 1 == level ? leaves16(vertices, level, b, lo, scale) : load_nodes16(below + b);
+        const uint at = first + 4 * b;
+        build_parents4(&nodes, blocks + at / PATCH_WIDTH, at % PATCH_WIDTH);
+      }
     }
   }
+  if (level > 0) build_inner(blocks, 0);
 #else
   for (uint v = id; v < count; v += GROUP) {
     const float3 place = patch_vertex(p, map, level, build.edges, v % side, v / side);

@@ -95,15 +95,6 @@ typedef struct PatchJob {
 } PatchJob;
 RBVH_LAYOUT_SIZE(PatchJob, 32);
 
-// What a ray's way through the patches has come to. Patches that the ray enters up to (t, pair) are done with; it
-// enters the next one at next_t.
-typedef struct PatchProgress {
-  float t;
-  rbvh_u32 pair;
-  float next_t;
-} PatchProgress;
-RBVH_LAYOUT_SIZE(PatchProgress, 12);
-
 // How fine a ray wants it: what it resolves at t is width + spread * t, in units of t.
 typedef struct RayDetail {
   float width, spread;

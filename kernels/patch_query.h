@@ -200,6 +200,14 @@ static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, ui
   *y = (vload16(0, place[q->ky]) - q->origin[q->ky]) - q->sy * z;
 }
 
+// Whether the ray goes through one of the triangles a b c and a c d, or on an edge: by the signed areas between it and the
+// edges ab, bc, cd, da, and the diagonal ac.
+static inline uint inside_either(float16 ab, float16 bc, float16 cd, float16 da, float16 ac) {
+  const int16 out_abc = ((ab < 0.0f) | (bc < 0.0f) | (ac > 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ac < 0.0f));
+  const int16 out_acd = ((ac < 0.0f) | (cd < 0.0f) | (da < 0.0f)) & ((ac > 0.0f) | (cd > 0.0f) | (da > 0.0f));
+  return lane_bits16(~(out_abc & out_acd));
+}
+
 // A ray and a patch that is not built, of level 4 or more: the micro-quads of those parts that the ray meets, row by row,
 // each row's vertices made on the way. Cheaper than building for few rays, and in memory not at all. Returns micro-quads
 // looked at.
@@ -228,9 +236,7 @@ static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, floa
                       cy = shuffle(y1, shifted);
         const float16 ab = x0 * by - y0 * bx, bc = bx * cy - by * cx, cd = cx * y1 - cy * x1, da = x1 * y0 - y1 * x0,
                       ac = x0 * cy - y0 * cx;
-        const int16 out_abc = ((ab < 0.0f) | (bc < 0.0f) | (ac > 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ac < 0.0f));
-        const int16 out_acd = ((ac < 0.0f) | (cd < 0.0f) | (da < 0.0f)) & ((ac > 0.0f) | (cd > 0.0f) | (da > 0.0f));
-        uint near = lane_bits16(~(out_abc & out_acd)) & ((1u << quads) - 1);
+        uint near = inside_either(ab, bc, cd, da, ac) & ((1u << quads) - 1);
         visited += quads;
         for (; near != 0; near &= near - 1) {
           const uint column = i + lowest_bit(near);
@@ -266,24 +272,73 @@ static inline uint four_times(uint bits) {
   return ((bits | bits << 3) & 0x1111u) * 15u;
 }
 
-// The finest level's micro-quads in `mask` of a block, nearest first. Returns how many were met.
-static inline uint meet_leaves(const PatchTree* tree, uint first, uint mask, float16 entry, const Query* q, uint any,
-                               PatchFound* found) {
-  float t[16];
-  vstore16(entry, 0, t);
+// The vertices of 16 micro-quads, 5 x 5 row by row along each axis: rows 0 to 2, and rows 3 and 4.
+typedef struct Grid16 {
+  float16 first[3], second[3];
+} Grid16;
+
+// Of the finest level's b-th 16, axes in the order x y z of the ray's own space.
+static inline void load_grid(const PatchTree* tree, uint b, const Query* q, Grid16* grid) {
+  const uint row = 3 * ((1u << tree->level) + 1), axes[3] = {q->kx, q->ky, q->kz};
+  __global const float* from = tree->vertices + 4 * (even_bits(b >> 1) * row + 3 * even_bits(b));
+#pragma unroll
+  for (uint i = 0; i < 3; ++i) {
+    __global const float* at = from + axes[i];  // a few floats more than needed
+    const float16 r0 = vload16(0, at), r1 = vload16(0, at + row), r2 = vload16(0, at + 2 * row),
+                  r3 = vload16(0, at + 3 * row), r4 = vload16(0, at + 4 * row);
+    grid->first[i] = (float16)(r0.s0369, r0.sc, r1.s0369, r1.sc, r2.s0369, r2.scc);
+    grid->second[i] = (float16)(r3.s0369, r3.sc, r4.s0369, r4.scccc, r4.sccc);
+  }
+}
+
+// Which of 16 micro-quads the ray may hit, as bits: by the arithmetic of meet_micro_quad(), but for signs that float
+// cannot tell, which are left to that.
+static inline uint may_meet16(const Grid16* grid, const Query* q) {
+  const float16 z0 = grid->first[2] - q->origin[q->kz], z1 = grid->second[2] - q->origin[q->kz];
+  const float16 x0 = (grid->first[0] - q->origin[q->kx]) - q->sx * z0, x1 = (grid->second[0] - q->origin[q->kx]) - q->sx * z1;
+  const float16 y0 = (grid->first[1] - q->origin[q->ky]) - q->sy * z0, y1 = (grid->second[1] - q->origin[q->ky]) - q->sy * z1;
+  const float16 ax = MORTON16(x0.s0123, x0.s5678, x0.sabcd, x1.s0123), ay = MORTON16(y0.s0123, y0.s5678, y0.sabcd, y1.s0123);
+  const float16 bx = MORTON16(x0.s1234, x0.s6789, x0.sbcde, x1.s1234), by = MORTON16(y0.s1234, y0.s6789, y0.sbcde, y1.s1234);
+  const float16 cx = MORTON16(x0.s6789, x0.sbcde, x1.s1234, x1.s6789), cy = MORTON16(y0.s6789, y0.sbcde, y1.s1234, y1.s6789);
+  const float16 dx = MORTON16(x0.s5678, x0.sabcd, x1.s0123, x1.s5678), dy = MORTON16(y0.s5678, y0.sabcd, y1.s0123, y1.s5678);
+  return inside_either(ax * by - ay * bx, bx * cy - by * cx, cx * dy - cy * dx, dx * ay - dy * ax, ax * cy - ay * cx);
+}
+
+// Micro-quads of the finest level's b-th 16. Returns how many were met.
+static inline uint meet_leaves(const PatchTree* tree, uint b, const Query* q, uint any, PatchFound* found) {
+  Grid16 grid;
+  load_grid(tree, b, q, &grid);
   uint met = 0;
-  while (mask != 0) {
-    uint lane = lowest_bit(mask);
-    for (uint rest = mask & (mask - 1); rest != 0; rest &= rest - 1) {
-      const uint other = lowest_bit(rest);
-      if (t[other] < t[lane]) lane = other;
-    }
-    mask &= ~(1u << lane);
-    if (t[lane] > found->t) break;
+  for (uint near = may_meet16(&grid, q); near != 0; near &= near - 1) {
     ++met;
-    if (meet_micro_quad(tree, first + lane - first_node(tree->level), q, found) && any) break;
+    if (meet_micro_quad(tree, PATCH_WIDTH * b + lowest_bit(near), q, found) && any) break;
   }
   return met;
+}
+
+// Where to begin in a patch of level 2 or more, of whose 16 parts `parts` are met; 0: nowhere.
+static inline uint first_visit(uint level, uint loose, uint parts, float16 parts_entry, uint* stack, float* stack_t,
+                               uint* depth) {
+  if (parts == 0) return 0;
+  if (loose || level < 4) return level & 1 ? VISIT(0u, 1u, 8u) : VISIT(1u, 2u, 0u);
+  if (!(level & 1)) return take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, depth);
+  // A part's children are a quarter of a block, four parts' a block.
+  float t[16];
+  vstore16(parts_entry, 0, t);
+  for (uint k = 0; k < 4; ++k) {
+    const uint quarters = parts >> 4 * k & 15;
+    if (quarters == 0) continue;
+    float first_t = INFINITY;
+    for (uint rest = quarters; rest != 0; rest &= rest - 1) first_t = min(first_t, t[4 * k + lowest_bit(rest)]);
+    uint at = (*depth)++;
+    for (; at > 0 && stack_t[at - 1] < first_t; --at) {
+      stack[at] = stack[at - 1];
+      stack_t[at] = stack_t[at - 1];
+    }
+    stack[at] = VISIT(2 + k, 3u, quarters);
+    stack_t[at] = first_t;
+  }
+  return stack[--*depth];
 }
 
 // Nearest hit, or any. `parts` and `parts_entry`: which of the patch's 16 parts the ray meets, and where. Returns blocks
@@ -291,64 +346,43 @@ static inline uint meet_leaves(const PatchTree* tree, uint first, uint mask, flo
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links, const Query* q,
                            const PatchRay* ray, uint parts, float16 parts_entry, uint any, PatchFound* found) {
   const uint level = tree->level;
-  if (level == 0) return meet_micro_quad(tree, 0, q, found), 1;
-  uint stack[PATCH_STACK], depth = 0, visited = 0, current;
-  float stack_t[PATCH_STACK];
-  if (p->loose || level < 4) {
-    current = level & 1 ? VISIT(0u, 1u, 8u) : VISIT(1u, 2u, 0u);
-  } else if (level & 1) {
-    // A part's children are a quarter of a block, four parts' a block.
-    float t[16];
-    vstore16(parts_entry, 0, t);
-    for (uint k = 0; k < 4; ++k) {
-      const uint quarters = parts >> 4 * k & 15;
-      if (quarters == 0) continue;
-      float first_t = INFINITY;
-      for (uint rest = quarters; rest != 0; rest &= rest - 1) first_t = min(first_t, t[4 * k + lowest_bit(rest)]);
-      uint at = depth++;
-      for (; at > 0 && stack_t[at - 1] < first_t; --at) {
-        stack[at] = stack[at - 1];
-        stack_t[at] = stack_t[at - 1];
-      }
-      stack[at] = VISIT(2 + k, 3u, quarters);
-      stack_t[at] = first_t;
-    }
-    if (depth == 0) return 0;
-    current = stack[--depth];
-  } else {
-    if (parts == 0) return 0;
-    current = take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, &depth);
+  if (level < 2) {
+    for (uint m = 0; m < 1u << 2 * level; ++m) meet_micro_quad(tree, m, q, found);
+    return 1u << 2 * level;
   }
+  uint stack[PATCH_STACK], depth = 0, visited = 0;
+  float stack_t[PATCH_STACK];
+  uint current = first_visit(level, p->loose, parts, parts_entry, stack, stack_t, &depth);
+  if (current == 0) return 0;
   while (true) {
     ++visited;
     const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarters = current >> 28;
-    __global const PatchBlock* block = tree->blocks + at;
-    float16 entry;
-    uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
-    if (quarters != 0) mask &= four_times(quarters);
     uint next = 0;
-    if (mask != 0) {
-      const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
-      if (at_level == level) {
-        visited += meet_leaves(tree, first, mask, entry, q, any, found);
-        if (any && found->hit > FOUND_BEFORE) return visited;
-      } else {
-        if (at_level >= tree->wanted) {
-          // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
-          const uint outside = mask & lane_bits16(entry > q->tmin);
-          if (outside != 0) {
-            float t[16];
-            vstore16(entry, 0, t);
-            uint lane = lowest_bit(outside);
-            for (uint rest = outside & (outside - 1); rest != 0; rest &= rest - 1)
-              if (t[lowest_bit(rest)] < t[lane]) lane = lowest_bit(rest);
-            if (t[lane] < found->t) take_box(block, lane, t[lane], found);
-            if (any) return visited;
-            mask &= ~outside;
-          }
+    if (at_level == level) {
+      visited += meet_leaves(tree, at - block_count(level), q, any, found);
+      if (any && found->hit > FOUND_BEFORE) return visited;
+    } else {
+      __global const PatchBlock* block = tree->blocks + at;
+      float16 entry;
+      uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
+      if (quarters != 0) mask &= four_times(quarters);
+      if (mask != 0 && at_level >= tree->wanted) {
+        // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
+        const uint outside = mask & lane_bits16(entry > q->tmin);
+        if (outside != 0) {
+          float t[16];
+          vstore16(entry, 0, t);
+          uint lane = lowest_bit(outside);
+          for (uint rest = outside & (outside - 1); rest != 0; rest &= rest - 1)
+            if (t[lowest_bit(rest)] < t[lane]) lane = lowest_bit(rest);
+          if (t[lane] < found->t) take_box(block, lane, t[lane], found);
+          if (any) return visited;
+          mask &= ~outside;
         }
-        if (mask != 0)
-          next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
+      }
+      if (mask != 0) {
+        const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
+        next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }
     while (next == 0) {

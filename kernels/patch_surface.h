@@ -9,12 +9,21 @@
 // The first node of a level; also the number of nodes above it.
 static inline uint first_node(uint level) { return ((1u << 2 * level) - 1) / 3; }
 
-// Blocks of a hierarchy of so many levels.
-static inline uint block_count(uint level) { return level == 0 ? 1 : ((4u << 2 * level) + 32) / 48; }
+// Blocks of a hierarchy of so many levels. WIDE: the finest level from 2 on has none, as its micro-quads are met 16 at a
+// time; theirs would begin behind the last.
+static inline uint block_count(uint level) {
+#ifdef WIDE
+  if (level >= 2) --level;
+#endif
+  return level == 0 ? 1 : ((4u << 2 * level) + 32) / 48;
+}
 
 static inline __global const float* slot_vertices(__global const PatchBlock* blocks, uint level) {
   return (__global const float*)(blocks + block_count(level));
 }
+
+// Four rows of four numbers in the order of a Morton curve.
+#define MORTON16(a, b, c, d) (float16)((a).lo, (b).lo, (a).hi, (b).hi, (c).lo, (d).lo, (c).hi, (d).hi)
 
 static inline uint even_bits(uint m) {
   m &= 0x55555555u;

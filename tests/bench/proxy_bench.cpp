@@ -313,7 +313,8 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       "\n## By rays a patch: %zu patches, %.1f M triangles tessellated\n\n"
       "| image | patches reached | rays a patch | top, sort, build, patches [ms] | direct, cold [ms] | "
       "direct, cached [ms] | twin [ms] | cold / twin | "
-      "cached / twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+      "cached / twin | twin's camera packets [ms] | cached camera / those |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       proxy.quads.size(), static_cast<double>(mesh.triangles.size()) * 1e-6);
   for (const std::uint32_t resolution : {64u, 104u, 144u, 200u, 288u, 408u, 576u, 816u, 1152u, 1632u}) {
     const CameraRays camera = make_camera(box_of(proxy), resolution);
@@ -325,8 +326,13 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       return 1e3 *
              seconds_of(device, [&] { trace_rays(with, ray_buffer, hits, rays.size(), RayQuery::kNearest); });
     };
-    std::vector<double> cold, cached, exact, cold_ratios, cached_ratios;
+    const Buffer<Hit> seen(device, rays.size());
+    const auto time_camera = [&](const auto& with) {
+      return 1e3 * seconds_of(device, [&] { trace_camera(with, camera, seen); });
+    };
+    std::vector<double> cold, cached, exact, cold_ratios, cached_ratios, packets, packet_ratios;
     time(twin);
+    time_camera(twin);
     for (int i = 0; i < 2 * options.repetitions + 1; ++i) {  // in turn: what slows one down slows all
       clear_cache(tracer);
       cold.push_back(time(tracer));
@@ -334,6 +340,8 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       exact.push_back(time(twin));
       cold_ratios.push_back(cold.back() / exact.back());
       cached_ratios.push_back(cached.back() / exact.back());
+      packets.push_back(time_camera(twin));
+      packet_ratios.push_back(time_camera(tracer) / packets.back());
     }
     clear_cache(tracer);
     stats(tracer) = {};
@@ -349,10 +357,11 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       ++found;
     }
     const auto patches = std::max<std::ptrdiff_t>(1, std::count(reached.begin(), reached.end(), 1));
-    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
+    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
                 resolution, patches, static_cast<double>(found) / static_cast<double>(patches),
                 phases.top * 1e3, phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold),
-                median(cached), median(exact), median(cold_ratios), median(cached_ratios));
+                median(cached), median(exact), median(cold_ratios), median(cached_ratios), median(packets),
+                median(packet_ratios));
     std::fflush(stdout);
   }
 }
