@@ -95,6 +95,14 @@ typedef struct PatchJob {
 } PatchJob;
 RBVH_LAYOUT_SIZE(PatchJob, 32);
 
+// The rays that a cast begins with: of `count` from `first` on every stride-th. `row`: they are rows of so many pixels,
+// and neighbours shall follow each other; 0: any.
+typedef struct RayRange {
+  rbvh_u32 first, count, stride, row;
+  rbvh_u32 keep_hits;  // they have been cast at something else
+} RayRange;
+RBVH_LAYOUT_SIZE(RayRange, 20);
+
 // How fine a ray wants it: what it resolves at t is width + spread * t, in units of t.
 typedef struct RayDetail {
   float width, spread;

@@ -10,12 +10,52 @@
 #define PACKET_SPREAD 0.1f
 #define PACKET_ORIGINS 0.01f
 
+// Sixteen rays, side by side.
+typedef struct RayLanes {
+  float16 origin[3], direction[3], tmin, tmax;
+  uint used;  // as bits
+} RayLanes;
+
+static inline void load_lanes(const Ray* rays, uint count, RayLanes* lanes) {
+  float words[8][PACKET];
+  for (uint i = 0; i < PACKET; ++i) {
+    const Ray ray = rays[i < count ? i : 0];
+    for (uint axis = 0; axis < 3; ++axis) {
+      words[axis][i] = ray.origin[axis];
+      words[axis + 4][i] = ray.direction[axis];
+    }
+    words[3][i] = ray.tmin;
+    words[7][i] = ray.tmax;
+  }
+  for (uint axis = 0; axis < 3; ++axis) {
+    lanes->origin[axis] = vload16(0, words[axis]);
+    lanes->direction[axis] = vload16(0, words[axis + 4]);
+  }
+  lanes->tmin = vload16(0, words[3]);
+  lanes->tmax = vload16(0, words[7]);
+  lanes->used = (1u << count) - 1;
+}
+
+// As object_ray().
+static inline void place_lanes(const float* to_object, const RayLanes* world, RayLanes* placed) {
+  const float16 *o = world->origin, *d = world->direction;
+  for (uint row = 0; row < 3; ++row) {
+    const float* m = to_object + 4 * row;
+    placed->origin[row] = m[0] * o[0] + m[1] * o[1] + m[2] * o[2] + m[3];
+    placed->direction[row] = m[0] * d[0] + m[1] * d[1] + m[2] * d[2];
+  }
+  placed->tmin = world->tmin;
+  placed->tmax = world->tmax;
+  placed->used = world->used;
+}
+
 // Rays, prepared; those that can hit anything agree in their longest axis and in all signs.
 typedef struct Packet {
-  Query rays[PACKET];
+  Query rays[PACKET];  // what micro-quads are met by; all of it once `whole`
+  bool whole;
   uint lanes;  // rays that can hit anything, as bits
-  uint first;  // one of them
-  float tmin;  // the least
+  uint near_row[3], far_row[3];
+  float tmin;   // the least
   float speed;  // the longest direction's length
   // The least and the greatest inverse direction, and their offsets, as in Query.
   float inverse[3][2], near_offset[3][2], far_offset[3][2];
@@ -23,67 +63,100 @@ typedef struct Packet {
   float16 inverses[3], near_offsets[3], far_offsets[3], tmins;
 } Packet;
 
-// False where the rays do not stay together or can hit nothing.
-static bool prepare_packet(const Ray* rays, uint count, const ExactScene* scene, Packet* p) {
-  p->lanes = 0;
-  for (uint i = 0; i < count; ++i)
-    if (prepare(rays + i, scene, p->rays + i)) p->lanes |= 1u << i;
+// The same arithmetic as prepare(). False where the rays do not stay together or can hit nothing.
+static bool prepare_packet(const RayLanes* rays, const ExactScene* scene, Packet* p) {
+  float16 o[3], d[3];
+  int16 valid = rays->tmin <= rays->tmax;
+  for (uint axis = 0; axis < 3; ++axis) {
+    o[axis] = rays->origin[axis];
+    d[axis] = rays->direction[axis];
+    valid &= isfinite(o[axis]) & isfinite(d[axis]);
+  }
+  valid &= (d[0] != 0.0f) | (d[1] != 0.0f) | (d[2] != 0.0f);
+  p->lanes = lane_bits16(valid) & rays->used;
   if (p->lanes == 0) return false;
-  p->first = lowest_bit(p->lanes);
-  const Query* one = p->rays + p->first;
-  float extent = 0.0f, squares = 0.0f;
-  for (uint axis = 0; axis < 3; ++axis) {
+  const uint one = lowest_bit(p->lanes);
+  const int16 bits = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  valid = (((int16)((int)p->lanes) >> bits) & 1) == 1;
+  float first_o[3], first_d[3], extent = 0.0f;
+  float16 apart = 0.0f, length2 = 0.0f;
+  int16 together = -1;
+  for (uint axis = 0; axis < 3; ++axis) {  // the others repeat one that is valid
+    float each[2][PACKET];
+    vstore16(o[axis], 0, each[0]);
+    vstore16(d[axis], 0, each[1]);
+    first_o[axis] = each[0][one];
+    first_d[axis] = each[1][one];
+    o[axis] = select((float16)(first_o[axis]), o[axis], valid);
+    d[axis] = select((float16)(first_d[axis]), d[axis], valid);
     extent = max(extent, scene->hi[axis] - scene->lo[axis]);
-    squares += one->direction[axis] * one->direction[axis];
+    const float16 turned = d[axis] - first_d[axis];
+    apart += turned * turned;
+    length2 += d[axis] * d[axis];
   }
-  float inverse[3][PACKET], near_offset[3][PACKET], far_offset[3][PACKET], tmin[PACKET];
-  float near[3] = {INFINITY, INFINITY, INFINITY}, far[3] = {-INFINITY, -INFINITY, -INFINITY};
-  p->speed = 0.0f;
-  p->tmin = INFINITY;
-  for (uint axis = 0; axis < 3; ++axis) p->inverse[axis][0] = p->inverse[axis][1] = one->inverse[axis];
-  for (uint i = 0; i < PACKET; ++i) {
-    const bool used = p->lanes >> i & 1;
-    const Query* q = used ? p->rays + i : one;
-    const float margin = 2.0f * error_bound(q->origin, scene);
-    float apart = 0.0f, length2 = 0.0f;
-    bool together = q->kz == one->kz;
-    for (uint axis = 0; axis < 3; ++axis) {
-      const float d = q->direction[axis], from_one = one->origin[axis] - q->origin[axis];
-      together = together && q->near_row[axis] == one->near_row[axis] && fabs(from_one) <= PACKET_ORIGINS * extent &&
-                 fabs(d) > 1e-18f * fabs(q->direction[q->kz]);
-      apart += (d - one->direction[axis]) * (d - one->direction[axis]);
-      length2 += d * d;
-      const float outwards = copysign(margin, q->inverse[axis]);
-      near[axis] = min(near[axis], (from_one - outwards) * q->inverse[axis]);
-      far[axis] = max(far[axis], (from_one + outwards) * q->inverse[axis]);
-      p->inverse[axis][0] = min(p->inverse[axis][0], q->inverse[axis]);
-      p->inverse[axis][1] = max(p->inverse[axis][1], q->inverse[axis]);
-      inverse[axis][i] = q->inverse[axis];
-      near_offset[axis][i] = q->near_offset[axis];
-      far_offset[axis][i] = q->far_offset[axis];
-    }
-    if (!together || !(apart <= PACKET_SPREAD * PACKET_SPREAD * squares)) return false;
-    tmin[i] = used ? q->tmin : INFINITY;
-    p->tmin = min(p->tmin, q->tmin);
-    p->speed = max(p->speed, sqrt(length2));
-  }
+  const float16 x = fabs(d[0]), y = fabs(d[1]), z = fabs(d[2]);
+  uint kz = 0;
+  if (fabs(first_d[1]) > fabs(first_d[0])) kz = 1;
+  if (fabs(first_d[2]) > fabs(first_d[kz])) kz = 2;
+  const int16 longest_is_kz = kz == 0 ? (x >= y) & (x >= z) : kz == 1 ? (y > x) & (y >= z) : (z > x) & (z > y);
+  const uint kx = (kz + 1) % 3, ky = (kz + 2) % 3;
+  const float16 longest = fabs(d[kz]);
+  together &= longest_is_kz & (apart <= PACKET_SPREAD * PACKET_SPREAD * (first_d[0] * first_d[0] + first_d[1] * first_d[1] + first_d[2] * first_d[2]));
+  float16 reach = 0.0f;
   for (uint axis = 0; axis < 3; ++axis) {
-    for (uint k = 0; k < 2; ++k) {
-      p->near_offset[axis][k] = near[axis] - one->origin[axis] * p->inverse[axis][k];
-      p->far_offset[axis][k] = far[axis] - one->origin[axis] * p->inverse[axis][k];
-    }
-    p->inverses[axis] = vload16(0, inverse[axis]);
-    p->near_offsets[axis] = vload16(0, near_offset[axis]);
-    p->far_offsets[axis] = vload16(0, far_offset[axis]);
+    reach = max(reach, max(fabs(scene->lo[axis] - o[axis]), fabs(scene->hi[axis] - o[axis])));
+    reach = max(reach, fabs(o[axis]));
+    together &= (fabs(d[axis]) > 1e-18f * longest) & ((d[axis] < 0.0f) == (int16)(first_d[axis] < 0.0f ? -1 : 0)) &
+                (fabs(first_o[axis] - o[axis]) <= PACKET_ORIGINS * extent);
   }
-  p->tmins = vload16(0, tmin);
+  if (lane_bits16(together) != 0xffffu) return false;
+  const float16 margin = 1.2e-6f * reach;  // error_bound()
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float16 inverse = 1.0f / d[axis], outwards = copysign(margin, inverse), from_first = first_o[axis] - o[axis];
+    p->inverses[axis] = inverse;
+    p->near_offsets[axis] = -(o[axis] + outwards) * inverse;
+    p->far_offsets[axis] = -(o[axis] - outwards) * inverse;
+    const bool back = first_d[axis] < 0.0f;
+    p->near_row[axis] = back ? axis + 3 : axis;
+    p->far_row[axis] = back ? axis : axis + 3;
+    p->inverse[axis][0] = -greatest(-inverse);
+    p->inverse[axis][1] = greatest(inverse);
+    // From the first ray's origin, twice as far beside as each alone, as these are rounded more often.
+    const float near = -greatest(-((from_first - 2.0f * outwards) * inverse)),
+                far = greatest((from_first + 2.0f * outwards) * inverse);
+    for (uint k = 0; k < 2; ++k) {
+      p->near_offset[axis][k] = near - first_o[axis] * p->inverse[axis][k];
+      p->far_offset[axis][k] = far - first_o[axis] * p->inverse[axis][k];
+    }
+  }
+  p->tmins = select((float16)(INFINITY), rays->tmin, valid);
+  p->tmin = -greatest(-p->tmins);
+  p->speed = sqrt(greatest(length2));
+  float words[7][PACKET];
+  for (uint axis = 0; axis < 3; ++axis) vstore16(o[axis], 0, words[axis]);
+  vstore16(d[kx] / d[kz], 0, words[3]);
+  vstore16(d[ky] / d[kz], 0, words[4]);
+  vstore16(1.0f / d[kz], 0, words[5]);
+  vstore16(rays->tmin, 0, words[6]);
+  for (uint i = 0; i < PACKET; ++i) {
+    Query* q = p->rays + i;
+    for (uint axis = 0; axis < 3; ++axis) q->origin[axis] = words[axis][i];
+    q->kx = kx;
+    q->ky = ky;
+    q->kz = kz;
+    q->sx = words[3][i];
+    q->sy = words[4][i];
+    q->sz = words[5][i];
+    q->tmin = words[6][i];
+  }
+  p->whole = false;
   return true;
 }
 
 // Where a packet's bounds enter 16 boxes at the earliest, and leave them at the latest. LOAD: a row of planes.
-#define PACKET_INTERVAL(LOAD, one, scale, near, far, enter, leave)                             \
+#define PACKET_INTERVAL(LOAD, p, scale, near, far, enter, leave)                             \
   for (uint axis = 0; axis < 3; ++axis) {                                                      \
-    const float16 from = LOAD(one->near_row[axis]), to = LOAD(one->far_row[axis]);             \
+    const float16 from = LOAD(p->near_row[axis]), to = LOAD(p->far_row[axis]);                 \
     enter = max(enter, min(mad(from, (float16)(scale[axis][0]), (float16)(near[axis][0])),     \
                            mad(from, (float16)(scale[axis][1]), (float16)(near[axis][1]))));   \
     leave = min(leave, max(mad(to, (float16)(scale[axis][0]), (float16)(far[axis][0])),        \
@@ -93,9 +166,8 @@ static bool prepare_packet(const Ray* rays, uint count, const ExactScene* scene,
 // Children that any of the rays may meet before `limit`; `entry`: not before it.
 static inline uint meet_children_packet(__global const ExactNode* node, const Packet* p, float limit, float16* entry) {
 #define LOAD(row) vload16(0, node->planes[row])
-  const Query* one = p->rays + p->first;
   float16 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(LOAD, one, p->inverse, p->near_offset, p->far_offset, enter, leave)
+  PACKET_INTERVAL(LOAD, p, p->inverse, p->near_offset, p->far_offset, enter, leave)
 #undef LOAD
   *entry = enter;
   return lane_bits16(enter <= leave);
@@ -125,9 +197,8 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
 static inline uint meet_planes_packet(__global const ushort (*planes)[PATCH_WIDTH], const Packet* p,
                                       const PatchPacket* r, float limit, float16* entry, float16* left) {
 #define LOAD(row) convert_float16(vload16(0, planes[row]))
-  const Query* one = p->rays + p->first;
   float16 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(LOAD, one, r->scale, r->near, r->far, enter, leave)
+  PACKET_INTERVAL(LOAD, p, r->scale, r->near, r->far, enter, leave)
 #undef LOAD
   *entry = enter;
   *left = leave;
@@ -140,18 +211,17 @@ static inline uint meet_leaves_packet(const PatchTree* tree, uint at, const Pack
                                       PatchFound* found) {
   const uint parent = at - 1 + PATCH_FIRST_LANE, b = at - block_count(tree->level);
   __global const PatchBlock* block = tree->blocks + parent / PATCH_WIDTH;
-  const Query* one = p->rays + p->first;
   float16 enter = p->tmins, leave = vload16(0, limits);
   for (uint axis = 0; axis < 3; ++axis) {
-    const float from = (float)block->planes[one->near_row[axis]][parent % PATCH_WIDTH],
-                to = (float)block->planes[one->far_row[axis]][parent % PATCH_WIDTH];
+    const float from = (float)block->planes[p->near_row[axis]][parent % PATCH_WIDTH],
+                to = (float)block->planes[p->far_row[axis]][parent % PATCH_WIDTH];
     enter = max(enter, mad((float16)(from), r->scales[axis], r->nears[axis]));
     leave = min(leave, mad((float16)(to), r->scales[axis], r->fars[axis]));
   }
   uint rays = lane_bits16(enter <= leave), met = 0;
   if (rays == 0) return 0;
   Grid16 grid;
-  load_grid(tree, b, one, &grid);
+  load_grid(tree, b, p->rays, &grid);
   for (; rays != 0; rays &= rays - 1) {
     const uint i = lowest_bit(rays);
     for (uint near = may_meet16(&grid, p->rays + i); near != 0; near &= near - 1) {

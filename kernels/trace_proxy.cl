@@ -187,66 +187,95 @@ static inline void meet_all(const Scene* scene, const ExactScene* top, const Ray
   }
 }
 
-static inline void begin_search(Search* s, const Ray* ray, uint any, uint at_once, uint most, RayDetail detail,
-                                RayProgress after, Hit before) {
+static inline void begin_search(Search* s, const Ray* ray, uint any, uint at_once, uint most, RayDetail detail) {
   s->world = ray;
   s->any = any;
   s->at_once = at_once;
   s->detail = detail;
-  s->few.after = after;
+  s->few.after = no_progress();
   s->few.most = most;
   s->few.count = 0;
-  s->hit = before;
-  s->limit = min(min(ray->tmax, FLT_MAX), before.t);
+  s->hit = no_hit();
+  s->limit = min(ray->tmax, FLT_MAX);
   s->visited = 0;
+  s->leaf_before = RBVH_NO_LEAF;
+  s->t_before = INFINITY;
+}
+
+// Starting from a hit.
+static inline void begin_after(Search* s, Hit before) {
+  s->hit = before;
+  s->limit = min(s->limit, before.t);
   s->leaf_before = before.leaf;
   s->t_before = before.t;
 }
 
-// Where pairs go: behind each other; those of the list's i-th ray from ranges[i].x on, ranges[i].y of them.
+// The at-th of `count` pixels when squares of 4 x 4 are visited row by row; those at the rim are what is left.
+static inline uint square_pixel(uint at, uint count, uint row) {
+  const uint band = at / (4 * row), in_band = at - 4 * row * band;
+  const uint height = min(4u, (count - 4 * row * band) / row);
+  if (in_band >= row * height) return at;  // in a row that is cut off
+  const uint left = 4 * (in_band / (4 * height)), width = min(4u, row - left), in_square = in_band - left * height;
+  return (4 * band + in_square / width) * row + left + in_square % width;
+}
+
+// Where pairs go: behind each other. Rays with pairs are listed; those of the list's i-th are from ranges[i].x on,
+// ranges[i].y of them. counts: of pairs, and of such rays.
 typedef struct Pairs {
-  __global uint *keys, *rays, *places, *count;
+  __global uint *keys, *rays, *places, *counts, *listed;
   __global uint2* ranges;
 } Pairs;
 
-// What ray r, the list's i-th, has come to.
-static inline void end_search(Search* s, uint i, uint r, const Pairs* to, __global Hit* hits,
+// What ray r has come to.
+static inline void end_search(Search* s, uint r, bool fresh, const Pairs* to, __global Hit* hits,
                               __global RayProgress* progress, __global uint* steps) {
   if (s->any && s->hit.leaf != RBVH_NO_LEAF) s->few.count = 0;
   const uint pairs = finish_candidates(&s->few, s->limit);
-  if (s->hit.leaf != s->leaf_before || s->hit.t != s->t_before) hits[r] = s->hit;
-  if (steps) steps[r] += s->visited;
-  uint first = 0;
-  if (pairs > 0) first = atomic_add(to->count, pairs);
+  if (fresh || s->hit.leaf != s->leaf_before || s->hit.t != s->t_before) hits[r] = s->hit;
+  if (steps) steps[r] = s->visited + (fresh ? 0u : steps[r]);
+  if (pairs == 0) return;
+  const uint first = atomic_add(to->counts, pairs), i = atomic_inc(to->counts + 1);
   for (uint k = 0; k < pairs; ++k) {
     to->keys[first + k] = s->few.nearest[k].id;
     to->rays[first + k] = r;
     to->places[first + k] = first + k;
   }
+  to->listed[i] = r;
   to->ranges[i] = (uint2)(first, pairs);
   progress[r] = progress_of(&s->few);
 }
 
-// Rays active[i] go on from `progress`, with `hits` as what was found before.
+// The list's i-th ray.
+static inline uint ray_number(__global const uint* active, RayRange range, uint i) {
+  if (active) return active[i];
+  if (range.row > 0) return range.first + square_pixel(i, range.count, range.row);
+  return range.first + min(i * range.stride + range.stride / 2, range.count - 1);
+}
+
+// Rays active[i] go on from `progress`, with `hits` as what was found before; without `active`, those of `range` begin.
 #define CAST_TOP_ARGUMENTS                                                                                             \
   __global const ExactNode *nodes, ExactScene top, __global const PatchInstance *instances,                            \
       __global const Patch *patches, __global const PatchParts *parts, __global const PatchSlot *slots,                \
       __global const PatchBlock *cache, __global const uint *links, __global const Ray *rays,                          \
-      __global const uint *active, uint count, uint any, uint at_once, uint most, RayDetail detail,                    \
-      __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,        \
-      __global uint *pair_places, __global uint2 *pair_ranges, __global uint *pair_count, __global uint *steps
+      __global const uint *active, RayRange range, uint count, uint any, uint at_once, uint most, RayDetail detail,    \
+      __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,          \
+      __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed, __global uint *counts,           \
+      __global uint *steps
 
 __kernel void cast_top(CAST_TOP_ARGUMENTS) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
-  const uint r = active[i];
+  const uint r = ray_number(active, range, i);
   const Ray ray = rays[r];
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
-  const Pairs pairs = {pair_keys, pair_rays, pair_places, pair_count, pair_ranges};
+  const Pairs pairs = {pair_keys, pair_rays, pair_places, counts, listed, pair_ranges};
+  const bool is_fresh = !active && !range.keep_hits;
   Search s;
-  begin_search(&s, &ray, any, at_once, most, detail, progress[r], hits[r]);
+  begin_search(&s, &ray, any, at_once, most, detail);
+  if (active) s.few.after = progress[r];
+  if (!is_fresh) begin_after(&s, hits[r]);
   meet_all(&scene, &top, &ray, &s);
-  end_search(&s, i, r, &pairs, hits, progress, steps);
+  end_search(&s, r, is_fresh, &pairs, hits, progress, steps);
 }
 
 #ifdef WIDE
@@ -256,7 +285,7 @@ static inline void load_limits(const Packet* p, const Search* s, float* limits) 
 }
 
 static inline void meet_patch_packet(const Scene* scene, __global const PatchInstance* instance, uint patch,
-                                     const Ray* rays, const Packet* p, Search* s, float* limits, uint* visited) {
+                                     Packet* p, Search* s, float* limits, uint* visited) {
   __global const Patch* patch_at = scene->patches + patch;
   PatchPacket r;
   patch_packet(patch_at, p, &r);
@@ -286,21 +315,27 @@ static inline void meet_patch_packet(const Scene* scene, __global const PatchIns
   } else {
     for (uint lanes = p->lanes; lanes != 0; lanes &= lanes - 1) {
       const uint i = lowest_bit(lanes);
-      meet_patch(scene, instance, patch, rays + i, p->rays + i, s + i);
+      const Ray ray = instance_ray(instance, s[i].world);
+      if (!p->whole) prepare_in(instance, &ray, p->rays + i);
+      meet_patch(scene, instance, patch, &ray, p->rays + i, s + i);
     }
+    p->whole = true;
   }
   load_limits(p, s, limits);
 }
 
-static inline void meet_instance_packet(const Scene* scene, uint at, const Ray* world, uint count, Search* s,
-                                        uint* visited) {
+static inline void meet_instance_packet(const Scene* scene, uint at, const RayLanes* world, Search* s, uint* visited) {
   __global const PatchInstance* instance = scene->instances + at;
-  Ray rays[PACKET];
-  for (uint i = 0; i < count; ++i) rays[i] = instance_ray(instance, world + i);
+  const PatchInstance placed = *instance;
+  RayLanes rays;
+  place_lanes(placed.to_object, world, &rays);
   const ExactScene box = instance_box(instance);
   Packet p;
-  if (!prepare_packet(rays, count, &box, &p)) {
-    for (uint i = 0; i < count; ++i) meet_instance(scene, at, world + i, s + i);
+  if (!prepare_packet(&rays, &box, &p)) {
+    for (uint lanes = p.lanes; lanes != 0; lanes &= lanes - 1) {
+      const uint i = lowest_bit(lanes);
+      meet_instance(scene, at, s[i].world, s + i);
+    }
     return;
   }
   float limits[PACKET];
@@ -310,8 +345,7 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const Ray* 
   while (true) {
     uint next = 0;
     if (current & EXACT_LEAF_BIT) {
-      meet_patch_packet(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), rays, &p, s, limits,
-                        visited);
+      meet_patch_packet(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &p, s, limits, visited);
     } else {
       ++*visited;
       __global const ExactNode* node = scene->nodes + current;
@@ -330,14 +364,14 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const Ray* 
 }
 
 // As meet_all(). False, and nothing done, where the rays do not stay together.
-static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, const Ray* rays, uint count, Search* s,
+static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, const RayLanes* rays, Search* s,
                                    uint* visited) {
   if (top->root & EXACT_LEAF_BIT) {
-    meet_instance_packet(scene, top->root & ~EXACT_LEAF_BIT, rays, count, s, visited);
+    meet_instance_packet(scene, top->root & ~EXACT_LEAF_BIT, rays, s, visited);
     return true;
   }
   Packet p;
-  if (!prepare_packet(rays, count, top, &p)) return false;
+  if (!prepare_packet(rays, top, &p)) return false;
   float limits[PACKET];
   load_limits(&p, s, limits);
   uint stack[STACK], depth = 0, current = top->root;
@@ -345,7 +379,7 @@ static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, co
   while (true) {
     uint next = 0;
     if (current & EXACT_LEAF_BIT) {
-      meet_instance_packet(scene, current & ~EXACT_LEAF_BIT, rays, count, s, visited);
+      meet_instance_packet(scene, current & ~EXACT_LEAF_BIT, rays, s, visited);
       load_limits(&p, s, limits);
     } else {
       ++*visited;
@@ -364,27 +398,31 @@ static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, co
   }
 }
 
-// cast_top() for rays that have done nothing yet, nearest hits, 16 of the list a work-item. What a packet visits each
-// of its rays counts.
+// cast_top() for rays that begin, nearest hits, 16 of them a work-item. What a packet visits each of its rays counts.
 __kernel void cast_top_packets(CAST_TOP_ARGUMENTS) {
   const uint begin = PACKET * (uint)get_global_id(0);
   if (begin >= count) return;
   const uint here = min((uint)PACKET, count - begin);
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
-  const Pairs pairs = {pair_keys, pair_rays, pair_places, pair_count, pair_ranges};
+  const Pairs pairs = {pair_keys, pair_rays, pair_places, counts, listed, pair_ranges};
+  const bool is_fresh = !range.keep_hits;
   Ray packet[PACKET];
   Search s[PACKET];
+  uint numbers[PACKET];
   for (uint i = 0; i < here; ++i) {
-    const uint r = active[begin + i];
+    const uint r = numbers[i] = ray_number(active, range, begin + i);
     packet[i] = rays[r];
-    begin_search(s + i, packet + i, 0, at_once, most, detail, progress[r], hits[r]);
+    begin_search(s + i, packet + i, 0, at_once, most, detail);
+    if (!is_fresh) begin_after(s + i, hits[r]);
   }
+  RayLanes lanes;
+  load_lanes(packet, here, &lanes);
   uint visited = 0;
-  const bool together = meet_all_packet(&scene, &top, packet, here, s, &visited);
+  const bool together = meet_all_packet(&scene, &top, &lanes, s, &visited);
   for (uint i = 0; i < here; ++i) {
     if (!together) meet_all(&scene, &top, packet + i, s + i);
     s[i].visited += visited;
-    end_search(s + i, begin + i, active[begin + i], &pairs, hits, progress, steps);
+    end_search(s + i, numbers[i], is_fresh, &pairs, hits, progress, steps);
   }
 }
 #endif
@@ -524,27 +562,4 @@ __kernel void take_hits(__global const uint* active, uint count, uint any,
   const float next_t = progress[r].next_t;
   const bool goes_on = next_t < INFINITY && hit.t >= next_t && !(any && hit.leaf != RBVH_NO_LEAF);
   if (goes_on) next_active[atomic_inc(next_count)] = r;
-}
-
-// The at-th of `count` pixels when squares of 4 x 4 are visited row by row; those at the rim are what is left.
-static inline uint square_pixel(uint at, uint count, uint row) {
-  const uint band = at / (4 * row), in_band = at - 4 * row * band;
-  const uint height = min(4u, (count - 4 * row * band) / row);
-  if (in_band >= row * height) return at;  // in a row that is cut off
-  const uint left = 4 * (in_band / (4 * height)), width = min(4u, row - left), in_square = in_band - left * height;
-  return (4 * band + in_square / width) * row + left + in_square % width;
-}
-
-// Of `count` rays from `first` on every `stride`-th is active. `row`: they are rows of so many pixels, and neighbours
-// shall follow each other.
-__kernel void start_rays(__global Hit* hits, __global RayProgress* progress, __global uint* active, uint first,
-                         uint count, uint stride, uint row, uint keep_hits, __global uint* steps) {
-  const uint at = (uint)get_global_id(0), i = first + at;
-  if (at >= count) return;
-  active[at] = first + (row > 0 ? square_pixel(at, count, row) : min(at * stride + stride / 2, count - 1));
-  if (!keep_hits) {
-    hits[i] = no_hit();
-    if (steps) steps[i] = 0;
-  }
-  progress[i] = no_progress();
 }

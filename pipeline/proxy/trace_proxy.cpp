@@ -1,6 +1,7 @@
 #include "pipeline/proxy/trace_proxy.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -112,7 +113,9 @@ struct ProxyTracerState {
   // Scratch, for as many rays as the largest batch so far.
   std::size_t scratch_rays = 0;
   Buffer<RayProgress> progress;
-  Buffer<std::uint32_t> active[2], pair_keys, pair_rays, pair_places, pair_steps, pair_ranges, counts;
+  Buffer<std::uint32_t> active, listed;  ///< rays that go on; those that have pairs
+  Buffer<std::uint32_t> pair_keys, pair_rays, pair_places, pair_steps, pair_ranges, counts;
+  Buffer<Ray> camera_rays;
   Buffer<Hit> pair_hits;
   Buffer<std::uint32_t> nearest;  ///< 64 bits a ray, or nothing
 };
@@ -215,7 +218,8 @@ void grow_scratch(const Device& device, State& state, std::size_t rays) {
   state.scratch_rays = rays;
   const std::size_t batch = std::min(rays, kBatch), pairs = std::max(batch, kLeastPairs);
   state.progress = {device, rays};
-  for (Buffer<std::uint32_t>& list : state.active) list = {device, batch};
+  state.active = {device, batch};
+  state.listed = {device, batch};
   state.pair_keys = {device, pairs};
   state.pair_rays = {device, pairs};
   state.pair_places = {device, pairs};
@@ -243,33 +247,30 @@ class Cast {
         steps_(steps != nullptr ? *steps : Buffer<std::uint32_t>()),
         pair_steps_(steps != nullptr ? state.pair_steps : Buffer<std::uint32_t>()) {}
 
+  /// `row`: as trace_rays() has it.
   void run(bool keep_hits, bool scouts, std::uint32_t row) {
+    const auto count = static_cast<std::uint32_t>(count_);
+    range_ = {static_cast<std::uint32_t>(first_), count, 1, row, keep_hits ? 1u : 0u};
     if (scouts && count_ >= kLeastScouted) {
-      start(keep_hits, kScouts, 0);
-      scout(static_cast<std::uint32_t>(count_ / kScouts));
+      RayRange few = range_;
+      few.stride = kScouts;
+      few.row = 0;
+      scout(few, count / kScouts);
     }
-    start(keep_hits, 1, row);
-    if (state_.instances.empty()) return;
     state_.stats.rays += count_;
-    std::size_t active = count_;
+    std::uint32_t active = count;
     for (int round = 0; active > 0; ++round) {
       ++state_.stats.rounds;
-      active = cast_round(round, static_cast<std::uint32_t>(active));
+      active = cast_round(round, active);
     }
   }
 
  private:
-  void start(bool keep_hits, std::uint32_t stride, std::uint32_t row) {
-    device_.kernel("trace_proxy", "start_rays", state_.options)
-        .run(count_, kRayGroup, hits_, state_.progress, state_.active[0], static_cast<std::uint32_t>(first_),
-             static_cast<std::uint32_t>(count_), stride, row, keep_hits ? 1u : 0u, steps_);
-  }
-
   /// A few of the rays look which patches come first; those are built before the others come, which then need
   /// not be gathered.
-  void scout(std::uint32_t count) {
+  void scout(const RayRange& range, std::uint32_t count) {
     PhaseWatch watch(device_, state_.stats.timed);
-    const std::uint32_t pairs = cast_top(state_.active[0], count, 1, false, false);
+    const std::uint32_t pairs = cast_top({}, range, count, 1, false, false)[0];
     state_.stats.top += watch.lap();
     std::vector<std::uint32_t> keys(pairs);
     state_.pair_keys.read(keys);
@@ -291,31 +292,33 @@ class Cast {
         1);
   }
 
-  /// Returns the number of pairs.
-  std::uint32_t cast_top(const Buffer<std::uint32_t>& list, std::uint32_t active, std::uint32_t most,
-                         bool at_once, bool packets) {
+  /// Without `list` the rays of `range` begin. Returns the numbers of pairs, and of rays that have some.
+  std::array<std::uint32_t, 2> cast_top(const Buffer<std::uint32_t>& list, const RayRange& range,
+                                        std::uint32_t active, std::uint32_t most, bool at_once,
+                                        bool packets) {
     upload_slots(state_);
     state_.counts.fill(0);
     device_.kernel("trace_proxy", packets ? "cast_top_packets" : "cast_top", state_.options)
-        .run(packets ? (active + kPacket - 1) / kPacket : active, packets ? kPacketGroup : kRayGroup, state_.nodes, state_.top, state_.device_instances, state_.device_patches,
-             state_.device_parts, state_.device_slots, state_.cache_memory, state_.links, rays_, list, active,
-             any_, at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys,
-             state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.counts, steps_);
-    std::uint32_t pairs = 0;
-    state_.counts.read(std::span(&pairs, 1));
-    return pairs;
+        .run(packets ? (active + kPacket - 1) / kPacket : active, packets ? kPacketGroup : kRayGroup,
+             state_.nodes, state_.top, state_.device_instances, state_.device_patches, state_.device_parts,
+             state_.device_slots, state_.cache_memory, state_.links, rays_, list, range, active, any_,
+             at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys,
+             state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.listed, state_.counts, steps_);
+    std::array<std::uint32_t, 2> counts{};
+    state_.counts.read(counts);
+    return counts;
   }
 
   /// Returns how many rays go on.
   std::uint32_t cast_round(int round, std::uint32_t active) {
-    const Buffer<std::uint32_t>&list = state_.active[round % 2], &next = state_.active[(round + 1) % 2];
     // Most rays hit the first patch that they meet; those that do not soon want all.
     const auto room = static_cast<std::uint32_t>(std::max<std::size_t>(1, state_.pair_keys.size() / active));
     const std::uint32_t most = std::min({state_.config.pairs, 1u << std::min(2 * round, 8), room});
     PhaseWatch watch(device_, state_.stats.timed);
-    const bool packets =
-        round == 0 && state_.config.packets && state_.config.at_once && any_ == 0 && device_.info().is_cpu;
-    const std::uint32_t pairs = cast_top(list, active, most, state_.config.at_once, packets);
+    const bool at_once = state_.config.at_once,
+               packets = round == 0 && state_.config.packets && at_once && any_ == 0 && device_.info().is_cpu;
+    const auto [pairs, listed] = cast_top(round == 0 ? Buffer<std::uint32_t>() : state_.active, range_,
+                                          active, most, at_once, packets);
     state_.stats.top += watch.lap();
     if (pairs == 0) return 0;
     state_.stats.pairs += pairs;
@@ -330,11 +333,11 @@ class Cast {
     make_jobs(keys, watch);
     next_count_.fill(0);
     device_.kernel("trace_proxy", "take_hits", state_.options)
-        .run(active, kRayGroup, list, active, any_, state_.pair_ranges, state_.pair_hits, state_.nearest,
-             state_.progress, hits_, next, next_count_);
+        .run(listed, kRayGroup, state_.listed, listed, any_, state_.pair_ranges, state_.pair_hits,
+             state_.nearest, state_.progress, hits_, state_.active, next_count_);
     if (pair_steps_.size() > 0)
       device_.kernel("trace_proxy", "add_steps", state_.options)
-          .run(active, kRayGroup, list, active, state_.pair_ranges, pair_steps_, steps_);
+          .run(listed, kRayGroup, state_.listed, listed, state_.pair_ranges, pair_steps_, steps_);
     std::uint32_t going_on = 0;
     next_count_.read(std::span(&going_on, 1));
     state_.stats.cast += watch.lap();
@@ -449,6 +452,7 @@ class Cast {
   const Buffer<Hit>& hits_;
   std::size_t first_, count_;
   std::uint32_t any_;
+  RayRange range_{};
   Buffer<std::uint32_t> steps_, pair_steps_;
   Buffer<std::uint32_t> queue_{device_, 1}, next_count_{device_, 1};
   std::vector<std::uint8_t> needed_;  ///< patches of the jobs that wait
@@ -457,15 +461,27 @@ class Cast {
   std::vector<PatchCache::Entry> evicted_;
 };
 
+void miss_all(Buffer<Hit> hits, std::size_t count, const Buffer<std::uint32_t>* steps) {
+  Hit none{};
+  none.t = std::numeric_limits<float>::infinity();
+  none.leaf = RBVH_NO_LEAF;
+  hits.write(std::vector<Hit>(count, none));
+  if (steps != nullptr) Buffer<std::uint32_t>(*steps).write(std::vector<std::uint32_t>(count, 0));
+}
+
 void trace(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
            RayQuery query, const Buffer<std::uint32_t>* steps, bool keep_hits, std::uint32_t row) {
   State& state = *tracer.state;
   const Device& device = tracer.device;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
   if (count == 0) return;
+  if (state.instances.empty()) {
+    if (!keep_hits) miss_all(hits, count, steps);
+    return;
+  }
   if (!state.config.keep) clear_cache(tracer);
   grow_scratch(device, state, count);
-  const bool scouts = state.config.at_once && state.expects_misses && !state.instances.empty();
+  const bool scouts = state.config.at_once && state.expects_misses;
   const std::uint64_t pairs_before = state.stats.pairs;
   if (row >= kBatch / kSquare) row = 0;
   const std::size_t rows = std::size_t{kSquare} * row, batch = row > 0 ? kBatch / rows * rows : kBatch;
@@ -567,7 +583,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.cache = PatchCache(static_cast<std::uint32_t>(
       std::min<std::size_t>(config.cache_bytes / sizeof(PatchBlock), 0xfffffff0u)));
   state.cache_memory = {device, state.cache.capacity()};
-  state.counts = {device, 1};
+  state.counts = {device, 2};
   state.options = group_options(device) + " -DSTACK=" + std::to_string((stack + 63) / 64 * 64) +
                   " -DMOST=" + std::to_string(kMostPairs) + (state.config.atomics ? " -DATOMICS" : "");
   set_detail(tracer);
@@ -646,7 +662,8 @@ void trace_camera(const ProxyTracer& tracer, const CameraRays& camera, const Buf
                   const Buffer<std::uint32_t>* steps) {
   set_detail(tracer, camera);
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
-  const Buffer<Ray> rays(tracer.device, pixels);
+  Buffer<Ray>& rays = tracer.state->camera_rays;
+  if (rays.size() < pixels) rays = {tracer.device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
   tracer.device.kernel("trace_scene", "write_camera_rays").run(squares * 64, kRayGroup, camera, rays);
   trace_rays(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <optional>
 #include <variant>
@@ -31,7 +30,7 @@ struct SceneTracerState {
   Buffer<RayProgress> progress;
   Buffer<std::uint32_t> active[2], pair_keys, pair_rays, pair_instances, pair_places, pair_ranges, pair_steps,
       placed_steps, count;
-  Buffer<Ray> placed_rays;
+  Buffer<Ray> camera_rays, placed_rays;
   Buffer<Hit> placed_hits, pair_hits;
 };
 
@@ -172,13 +171,6 @@ void trace_with_levels(const SceneTracer& tracer, const Buffer<Ray>& rays, const
                        std::uint32_t row) {
   SceneTracerState& state = *tracer.state;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
-  if (state.placed == 0 && !state.proxies) {  // nothing to hit
-    Hit none{};
-    none.t = std::numeric_limits<float>::infinity();
-    none.leaf = RBVH_NO_LEAF;
-    Buffer<Hit> all = hits;
-    all.write(std::vector<Hit>(count, none));
-  }
   if (state.placed > 0) {
     grow_scratch(tracer.device, state, count);
     for (std::size_t first = 0; first < count; first += kBatch)
@@ -238,7 +230,7 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
     state.options = "-DSTACK=" + std::to_string((wide.stack + 63) / 64 * 64) +
                     " -DMOST=" + std::to_string(kMostOfRay);
   }
-  if (!proxy_instances.empty())
+  if (!proxy_instances.empty() || placements.empty())
     state.proxies = make_proxy_tracer(device, proxies, proxy_instances, config.proxy);
   return tracer;
 }
@@ -253,7 +245,8 @@ void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buf
                   const Buffer<std::uint32_t>* steps) {
   if (tracer.state->proxies) set_detail(*tracer.state->proxies, camera, tracer.state->pixels);
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
-  const Buffer<Ray> rays(tracer.device, pixels);
+  Buffer<Ray>& rays = tracer.state->camera_rays;
+  if (rays.size() < pixels) rays = {tracer.device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
   tracer.device.kernel("trace_scene", "write_camera_rays").run(squares * 64, kGroup, camera, rays);
   trace_with_levels(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);

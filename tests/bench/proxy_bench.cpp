@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <ctime>
 #include <functional>
 #include <numbers>
 #include <optional>
@@ -29,6 +30,7 @@ struct Options {
   int repetitions = 3, bounces = 5;
   std::size_t cache_mb = 512, twin_mb = 3000;
   bool sweep = true;
+  std::vector<std::uint32_t> sweep_sizes = {64, 104, 144, 200, 288, 408, 576, 816, 1152, 1632};
   std::uint32_t few_rays = ProxyConfig{}.few_rays;
 };
 
@@ -122,12 +124,19 @@ BenchScene make_scene(const std::string& name) {
   return scene;
 }
 
+bool counts_processor_time = false;  ///< of all threads, in place of elapsed time
+
+double now() {
+  if (counts_processor_time) return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
 double seconds_of(const Device& device, const std::function<void()>& work) {
   device.finish();
-  const auto start = std::chrono::steady_clock::now();
+  const double start = now();
   work();
   device.finish();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return now() - start;
 }
 
 double median(std::vector<double> values) {
@@ -316,7 +325,7 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       "cached / twin | twin's camera packets [ms] | cached camera / those |\n"
       "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       proxy.quads.size(), static_cast<double>(mesh.triangles.size()) * 1e-6);
-  for (const std::uint32_t resolution : {64u, 104u, 144u, 200u, 288u, 408u, 576u, 816u, 1152u, 1632u}) {
+  for (const std::uint32_t resolution : options.sweep_sizes) {
     const CameraRays camera = make_camera(box_of(proxy), resolution);
     set_detail(tracer, camera);
     const std::vector<Ray> rays = primary_rays(camera);
@@ -378,6 +387,10 @@ int run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--few-rays", options.few_rays, "rays that meet a patch before it is built for them")
       ->capture_default_str();
+  app.add_flag("--processor-time", counts_processor_time,
+               "count processor time in place of elapsed time, but for phases: on machines with other work");
+  app.add_option("--sweep-sizes", options.sweep_sizes, "pixels each way of the table by rays a patch, multiples of 8")
+      ->delimiter(',');
   app.add_flag("!--no-sweep", options.sweep, "leave out the table by rays a patch");
   CLI11_PARSE(app, argc, argv);
   if (options.scenes.empty()) options.scenes = {"pumpkin", "bark", "barks", "party"};
