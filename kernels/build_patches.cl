@@ -124,59 +124,36 @@ static inline void build_inner(__global PatchBlock* blocks, uint node) {
 }
 
 #ifdef WIDE
-// 16 floats of a row of vertices x y z x y z ... at a time, in three turns that together are 16 vertices. Writes up to
-// 15 floats past a row's end, which the next row then takes.
-static inline void build_vertices(__global const Patch* p, __global const float* map, uint level, uint edges,
-                                  __global float* vertices) {
-  const int n = 1 << level, side = n + 1, floats = 3 * side;
-  const uint shift = p->level - level;
-  const float inverse_n = 1.0f / (float)n;
-  const int16 index[3] = {(int16)(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5),
-                          (int16)(5, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8, 9, 9, 9, 10, 10),
-                          (int16)(10, 11, 11, 11, 12, 12, 12, 13, 13, 13, 14, 14, 14, 15, 15, 15)};
-  float16 corners[4][3];
+// What rows of vertices x y z x y z ... are made of: the corners, 16 floats of a row that begins with x.
+typedef struct RowMaker {
+  float16 corners[4];
+} RowMaker;
+
+static inline RowMaker row_maker(__global const Patch* p) {
+  RowMaker maker;
   for (uint k = 0; k < 4; ++k) {
     const float x = p->corners[k][0], y = p->corners[k][1], z = p->corners[k][2];
-    corners[k][0] = (float16)(x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x);
-    corners[k][1] = (float16)(y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y);
-    corners[k][2] = (float16)(z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z);
+    maker.corners[k] = (float16)(x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x);
   }
-  for (int j = 0; j < side; ++j) {
-    __global const float* row = map + 3 * ((size_t)p->texels + (size_t)(j << shift) * p->row);
-    __global float* to = vertices + (size_t)j * (uint)floats;
-    const float t = (float)j * inverse_n, t1 = 1.0f - t;
-    for (int at = 0; at < floats; at += 48) {
-#pragma unroll
-      for (int turn = 0; turn < 3; ++turn) {
-        const int from = at + 16 * turn;
-        if (from >= floats) break;
-        const int16 i = index[turn] + at / 3;
-        const float16 s = convert_float16(i) * inverse_n, s1 = 1.0f - s;
-        const float16 base = (corners[0][turn] * s1 + corners[1][turn] * s) * t1 +
-                             (corners[3][turn] * s1 + corners[2][turn] * s) * t;
-        float16 d;
-        if (shift == 0) {
-          d = vload16(0, row + from);
-        } else {
-          int texel[16];
-          vstore16(min(i, n) << (int)shift, 0, texel);
-          float each[16];
-          for (int lane = 0; lane < 16; ++lane) each[lane] = row[3 * texel[lane] + (from + lane) % 3];
-          d = vload16(0, each);
-        }
-        vstore16(base + d, 0, to + from);
-      }
-    }
-  }
-  if (edges == level * 0x01010101u) return;
-  for (uint k = 0; k < (uint)side; ++k) {  // borders that are coarser
-    const uint places[4][2] = {{k, 0}, {(uint)n, k}, {k, (uint)n}, {0, k}};
-    for (uint edge = 0; edge < 4; ++edge) {
-      const uint i = places[edge][0], j = places[edge][1];
-      if (edge_level(edges, edge) < level)
-        vstore3(patch_vertex(p, map, level, edges, i, j), j * (uint)side + i, vertices);
-    }
-  }
+  return maker;
+}
+
+// Five vertices of row j from column i on, as patch_vertex() makes them inside the patch, and a float more.
+static inline float16 make_row(const RowMaker* maker, __global const Patch* p, __global const float* map, uint level, uint i,
+                               uint j) {
+  const uint shift = p->level - level;
+  const float inverse_n = 1.0f / (float)(1u << level);
+  const float16 column = (float16)(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5);
+  const float16 s = ((float)i + column) * inverse_n, s1 = 1.0f - s;
+  const float t = (float)j * inverse_n, t1 = 1.0f - t;
+  const float16* corners = maker->corners;
+  const float16 base = (corners[0] * s1 + corners[1] * s) * t1 + (corners[3] * s1 + corners[2] * s) * t;
+  __global const float* row = map + 3 * ((size_t)p->texels + (size_t)(j << shift) * p->row + (i << shift));
+  if (shift == 0) return base + vload16(0, row);
+  const uint step = 3u << shift;
+  const float3 a = vload3(0, row), b = vload3(0, row + step), c = vload3(0, row + 2 * step), d = vload3(0, row + 3 * step),
+               e = vload3(0, row + 4 * step);
+  return base + (float16)(a, b, c, d, e, 0.0f);
 }
 
 // 16 nodes on their way to their parents.
@@ -199,27 +176,48 @@ static inline Nodes16 load_nodes16(__global const PatchBlock* block) {
   return nodes;
 }
 
-// The b-th 16 micro-quads, of 5 x 5 vertices.
-static inline Nodes16 leaves16(__global const float* vertices, uint level, uint b, const float* root_lo,
-                               const float* per_quantum) {
+// The b-th 16 micro-quads: their vertices go to `grid`.
+static inline Nodes16 build_leaves16(const RowMaker* maker, __global const Patch* p, __global const float* map, uint level,
+                                     uint edges, uint b, const float* root_lo, const float* per_quantum,
+                                     __global float* grid) {
   Nodes16 nodes;
-  const uint n = 1u << level, side = n + 1;
-  const uint i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
-  float16 rows[5];  // of five vertices, and a float more
-  for (uint row = 0; row < 5; ++row) rows[row] = vload16(0, vertices + 3 * ((j + row) * side + i));
+  const uint n = 1u << level, i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
+  float16 rows[5];
+#pragma unroll
+  for (uint row = 0; row < 5; ++row) rows[row] = make_row(maker, p, map, level, i, j + row);
+  GridAxis axes[3];
+#define GRID_ROWS(r, X, X0, X4)                                                                             \
+  {                                                                                                         \
+    (float16)((r)[0].X, (r)[0].X4, (r)[1].X, (r)[1].X4, (r)[2].X, (r)[2].X4, (r)[3].X0),                    \
+        (float16)((r)[1].X4, (r)[2].X, (r)[2].X4, (r)[3].X, (r)[3].X4, (r)[4].X, (r)[4].X4)                 \
+  }
+  const GridAxis x_axis = GRID_ROWS(rows, s0369, s0, sc), y_axis = GRID_ROWS(rows, s147a, s1, sd),
+                 z_axis = GRID_ROWS(rows, s258b, s2, se);
+#undef GRID_ROWS
+  axes[0] = x_axis;
+  axes[1] = y_axis;
+  axes[2] = z_axis;
+  for (uint axis = 0; axis < 3; ++axis) {
+    vstore16(axes[axis].first, 0, grid + GRID_AXIS * axis);
+    vstore16(axes[axis].second, 0, grid + GRID_AXIS * axis + 9);
+  }
+  if (edges != level * 0x01010101u && (i == 0 || j == 0 || i + 4 == n || j + 4 == n)) {  // borders can be coarser
+    for (uint k = 0; k < 25; ++k) {
+      const uint vi = i + k % 5, vj = j + k / 5;
+      if (vi != 0 && vj != 0 && vi != n && vj != n) continue;
+      const float3 v = patch_vertex(p, map, level, edges, vi, vj);
+      grid[k] = v.x;
+      grid[GRID_AXIS + k] = v.y;
+      grid[2 * GRID_AXIS + k] = v.z;
+    }
+    for (uint axis = 0; axis < 3; ++axis) axes[axis] = load_grid_axis(grid, axis);
+  }
   float16 e[3], f[3];
 #pragma unroll
   for (uint axis = 0; axis < 3; ++axis) {
-    float4 left[5], right[5];
-#pragma unroll
-    for (uint row = 0; row < 5; ++row) {
-      left[row] = axis == 0 ? rows[row].s0369 : axis == 1 ? rows[row].s147a : rows[row].s258b;
-      right[row] = axis == 0 ? rows[row].s369c : axis == 1 ? rows[row].s47ad : rows[row].s58be;
-    }
-    const float16 p00 = MORTON16(left[0], left[1], left[2], left[3]);
-    const float16 p10 = MORTON16(right[0], right[1], right[2], right[3]);
-    const float16 p01 = MORTON16(left[1], left[2], left[3], left[4]);
-    const float16 p11 = MORTON16(right[1], right[2], right[3], right[4]);
+    const float16 first = axes[axis].first, second = axes[axis].second;
+    const float16 p00 = GRID_A(first, second), p10 = GRID_B(first, second), p11 = GRID_C(first, second),
+                  p01 = GRID_D(first, second);
     const float16 lo = min(min(p00, p10), min(p01, p11)), hi = max(max(p00, p10), max(p01, p11));
     const float16 q_lo = clamp(floor((lo - root_lo[axis]) * per_quantum[axis] - 0.05f), 0.0f, 65535.0f);
     const float16 q_hi = clamp(ceil((hi - root_lo[axis]) * per_quantum[axis] + 0.05f), 0.0f, 65535.0f);
@@ -265,17 +263,21 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
   const float3 root_lo = vload3(0, p->lo), per_quantum = 65535.0f / (vload3(0, p->hi) - root_lo);
   const uint id = (uint)get_local_id(0);
 #ifdef WIDE
-  build_vertices(p, map, level, build.edges, vertices);
   if (level < 2) {
+    for (uint v = 0; v < count; ++v)
+      vstore3(patch_vertex(p, map, level, build.edges, v % side, v / side), v, vertices);
     for (uint m = 0; m < n * n; ++m) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
   } else {
     const float lo[3] = {root_lo.x, root_lo.y, root_lo.z};
     const float scale[3] = {per_quantum.x, per_quantum.y, per_quantum.z};
+    const RowMaker maker = row_maker(p);
     for (uint l = level - 1; l >= 1; --l) {
       const uint first = first_node(l) + PATCH_FIRST_LANE;
       __global const PatchBlock* below = blocks + (first_node(l + 1) + PATCH_FIRST_LANE) / PATCH_WIDTH;
       for (uint b = 0; b < 1u << 2 * (l - 1); ++b) {
-        const Nodes16 nodes = l + 1 == level ? leaves16(vertices, level, b, lo, scale) : load_nodes16(below + b);
+        const Nodes16 nodes = l + 1 == level ? build_leaves16(&maker, p, map, level, build.edges, b, lo, scale,
+                                                                 vertices + GRID_FLOATS * b)
+                                                : load_nodes16(below + b);
         const uint at = first + 4 * b;
         build_parents4(&nodes, blocks + at / PATCH_WIDTH, at % PATCH_WIDTH);
       }

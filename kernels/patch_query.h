@@ -28,7 +28,7 @@ typedef struct PatchFound {
 
 typedef struct PatchTree {
   __global const PatchBlock* blocks;
-  __global const float* vertices;  // x y z, row by row; null where nothing is built
+  __global const float* vertices;  // x y z, row by row, or grids; null where nothing is built
   uint level;
   uint wanted;  // levels that the ray can resolve; at most `level`
   // Where nothing is built: what vertices are made of.
@@ -96,6 +96,16 @@ static inline void load_corners(const PatchTree* tree, uint m, float4* corners) 
     corners[2] = (float4)(a.z, b.z, c.z, d.z);
     return;
   }
+#ifdef WIDE
+  if (tree->level >= 2) {
+    __global const float* grid = tree->vertices + GRID_FLOATS * (m / PATCH_WIDTH) + 5 * (j % 4) + i % 4;
+    for (uint axis = 0; axis < 3; ++axis) {
+      const float2 ab = vload2(0, grid + GRID_AXIS * axis), dc = vload2(0, grid + GRID_AXIS * axis + 5);
+      corners[axis] = (float4)(ab, dc.yx);
+    }
+    return;
+  }
+#endif
   __global const float* at = tree->vertices + 3 * (j * side + i);
   const float8 ab = vload8(0, at), dc = vload8(0, at + 3 * side);  // two floats more than needed
   corners[0] = (float4)(ab.s03, dc.s30);
@@ -272,35 +282,28 @@ static inline uint four_times(uint bits) {
   return ((bits | bits << 3) & 0x1111u) * 15u;
 }
 
-// The vertices of 16 micro-quads, 5 x 5 row by row along each axis: rows 0 to 2, and rows 3 and 4.
+// The vertices of 16 micro-quads, axes in the order x y z of the ray's own space.
 typedef struct Grid16 {
-  float16 first[3], second[3];
+  GridAxis axes[3];
 } Grid16;
 
-// Of the finest level's b-th 16, axes in the order x y z of the ray's own space.
+// Of the finest level's b-th 16.
 static inline void load_grid(const PatchTree* tree, uint b, const Query* q, Grid16* grid) {
-  const uint row = 3 * ((1u << tree->level) + 1), axes[3] = {q->kx, q->ky, q->kz};
-  __global const float* from = tree->vertices + 4 * (even_bits(b >> 1) * row + 3 * even_bits(b));
-#pragma unroll
-  for (uint i = 0; i < 3; ++i) {
-    __global const float* at = from + axes[i];  // a few floats more than needed
-    const float16 r0 = vload16(0, at), r1 = vload16(0, at + row), r2 = vload16(0, at + 2 * row),
-                  r3 = vload16(0, at + 3 * row), r4 = vload16(0, at + 4 * row);
-    grid->first[i] = (float16)(r0.s0369, r0.sc, r1.s0369, r1.sc, r2.s0369, r2.scc);
-    grid->second[i] = (float16)(r3.s0369, r3.sc, r4.s0369, r4.scccc, r4.sccc);
-  }
+  __global const float* from = tree->vertices + GRID_FLOATS * b;
+  grid->axes[0] = load_grid_axis(from, q->kx);
+  grid->axes[1] = load_grid_axis(from, q->ky);
+  grid->axes[2] = load_grid_axis(from, q->kz);
 }
 
 // Which of 16 micro-quads the ray may hit, as bits: by the arithmetic of meet_micro_quad(), but for signs that float
 // cannot tell, which are left to that.
 static inline uint may_meet16(const Grid16* grid, const Query* q) {
-  const float16 z0 = grid->first[2] - q->origin[q->kz], z1 = grid->second[2] - q->origin[q->kz];
-  const float16 x0 = (grid->first[0] - q->origin[q->kx]) - q->sx * z0, x1 = (grid->second[0] - q->origin[q->kx]) - q->sx * z1;
-  const float16 y0 = (grid->first[1] - q->origin[q->ky]) - q->sy * z0, y1 = (grid->second[1] - q->origin[q->ky]) - q->sy * z1;
-  const float16 ax = MORTON16(x0.s0123, x0.s5678, x0.sabcd, x1.s0123), ay = MORTON16(y0.s0123, y0.s5678, y0.sabcd, y1.s0123);
-  const float16 bx = MORTON16(x0.s1234, x0.s6789, x0.sbcde, x1.s1234), by = MORTON16(y0.s1234, y0.s6789, y0.sbcde, y1.s1234);
-  const float16 cx = MORTON16(x0.s6789, x0.sbcde, x1.s1234, x1.s6789), cy = MORTON16(y0.s6789, y0.sbcde, y1.s1234, y1.s6789);
-  const float16 dx = MORTON16(x0.s5678, x0.sabcd, x1.s0123, x1.s5678), dy = MORTON16(y0.s5678, y0.sabcd, y1.s0123, y1.s5678);
+  const GridAxis x = grid->axes[0], y = grid->axes[1], z = grid->axes[2];
+  const float16 z0 = z.first - q->origin[q->kz], z1 = z.second - q->origin[q->kz];
+  const float16 x0 = (x.first - q->origin[q->kx]) - q->sx * z0, x1 = (x.second - q->origin[q->kx]) - q->sx * z1;
+  const float16 y0 = (y.first - q->origin[q->ky]) - q->sy * z0, y1 = (y.second - q->origin[q->ky]) - q->sy * z1;
+  const float16 ax = GRID_A(x0, x1), ay = GRID_A(y0, y1), bx = GRID_B(x0, x1), by = GRID_B(y0, y1);
+  const float16 cx = GRID_C(x0, x1), cy = GRID_C(y0, y1), dx = GRID_D(x0, x1), dy = GRID_D(y0, y1);
   return inside_either(ax * by - ay * bx, bx * cy - by * cx, cx * dy - cy * dx, dx * ay - dy * ax, ax * cy - ay * cx);
 }
 

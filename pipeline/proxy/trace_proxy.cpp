@@ -29,12 +29,16 @@ constexpr std::uint32_t kCpuGroupsPerUnit = 4;
 constexpr std::size_t kLeastScouted = std::size_t{1} << 14;  // fewer rays are faster gathered
 constexpr std::uint32_t kScouts = 16;                        // every so many-th ray is one
 
-/// Blocks and vertices. `wide`: as a CPU has them, without boxes of micro-quads (kernels/patch_surface.h).
+/// Blocks and vertices. `wide`: as a CPU has them (kernels/patch_surface.h).
 std::uint32_t slot_blocks(std::uint32_t level, bool wide) {
-  const std::uint32_t boxes = wide && level >= 2 ? level - 1 : level;
+  const bool has_grids = wide && level >= 2;
+  const std::uint32_t boxes = has_grids ? level - 1 : level;
+  const std::uint32_t blocks =
+      boxes == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * boxes) + 32) / 48);
+  if (has_grids) return blocks + (1u << 2 * (level - 2));
   const std::size_t side = (std::size_t{1} << level) + 1;
-  const std::size_t floats = 3 * side * side + 20;  // kernels read and write a little more than the last one
-  return (boxes == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * boxes) + 32) / 48)) +
+  const std::size_t floats = 3 * side * side + 2;  // kernels read a little more than the last one
+  return blocks +
          static_cast<std::uint32_t>((floats * sizeof(float) + sizeof(PatchBlock) - 1) / sizeof(PatchBlock));
 }
 
