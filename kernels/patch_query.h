@@ -72,15 +72,18 @@ static inline uint meet_planes16(__global const ushort (*planes)[PATCH_WIDTH], c
   return lane_bits16(enter <= leave);
 }
 
-// The level that resolves what the ray does at t: micro-quads whose sides are about that long. `speed`: the
-// direction's length.
-static inline uint wanted_level(__global const Patch* p, RayDetail detail, float t, float speed, uint most) {
-  const float resolved = (detail.width + detail.spread * max(t, 0.0f)) * speed;
+// The same in units of length, for a ray whose direction is `speed` long.
+static inline RayDetail detail_of(RayDetail detail, float speed) {
+  const RayDetail scaled = {detail.width * speed, detail.spread * speed};
+  return scaled;
+}
+
+// The level that resolves what the ray does at t: micro-quads whose sides are about that long.
+static inline uint wanted_level(__global const Patch* p, RayDetail detail, float t, uint most) {
+  const float resolved = detail.width + detail.spread * max(t, 0.0f);
   const float pieces = p->size / resolved * 0.70710678f;  // the nearest power of two
   if (!(pieces < (float)(1u << PATCH_MOST_LEVEL))) return most;
-  uint level = 0;
-  while (level < most && (float)(1u << level) < pieces) ++level;
-  return level;
+  return pieces <= 1.0f ? 0u : min(most, ((as_uint(pieces) - 1) >> 23) - 126);
 }
 
 // A micro-quad's corners a b c d, one row an axis.

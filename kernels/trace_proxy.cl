@@ -64,10 +64,8 @@ static inline Hit make_hit(const PatchFound* found, __global const PatchInstance
 }
 
 static inline float nearest_entry(uint mask, float16 entry) {
-  float t16[16], t = INFINITY;
-  vstore16(entry, 0, t16);
-  for (uint rest = mask; rest != 0; rest &= rest - 1) t = min(t, t16[lowest_bit(rest)]);
-  return t;
+  const uint16 lanes = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  return -greatest(select((float16)(-INFINITY), -entry, as_int16((uint16)(mask) << (31 - lanes))));
 }
 
 typedef struct Scene {
@@ -84,6 +82,7 @@ typedef struct Search {
   const Ray* world;
   uint any, at_once;
   RayDetail detail;
+  RayDetail resolved;  // the same in the instance that is being met
   float limit;     // nearest hit so far
   NearestFew few;  // patches that are not built, as pairs
   uint visited;
@@ -111,7 +110,7 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
   if (s->at_once && slot.at != PATCH_NOT_BUILT) {
     __global const PatchBlock* blocks = scene->cache + slot.at;
     PatchTree tree = built_tree(blocks, slot.level);
-    tree.wanted = wanted_level(p, s->detail, t, ray_speed(ray), slot.level);
+    tree.wanted = wanted_level(p, s->resolved, t, slot.level);
     PatchFound found;
     found.t = s->limit;
     found.hit = s->hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
@@ -132,6 +131,7 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
   const Ray ray = instance_ray(instance, world);
   Query q;
   if (!prepare_in(instance, &ray, &q)) return;
+  s->resolved = detail_of(s->detail, ray_speed(&ray));
   uint stack[STACK], depth = 0, current = instance->root;
   float stack_t[STACK];
   while (true) {
@@ -296,7 +296,7 @@ static inline void meet_patch_packet(const Scene* scene, __global const PatchIns
   if (mask == 0) return;
   const PatchSlot slot = scene->slots[patch];
   if (s->at_once && slot.at != PATCH_NOT_BUILT && slot.level >= 2 &&
-      wanted_level(patch_at, s->detail, greatest(left), p->speed, slot.level) == slot.level) {
+      wanted_level(patch_at, detail_of(s->detail, p->speed), greatest(left), slot.level) == slot.level) {
     const PatchTree tree = built_tree(scene->cache + slot.at, slot.level);
     PatchFound found[PACKET];
     float found_limits[PACKET];
@@ -317,6 +317,7 @@ static inline void meet_patch_packet(const Scene* scene, __global const PatchIns
       const uint i = lowest_bit(lanes);
       const Ray ray = instance_ray(instance, s[i].world);
       if (!p->whole) prepare_in(instance, &ray, p->rays + i);
+      s[i].resolved = detail_of(s[i].detail, ray_speed(&ray));
       meet_patch(scene, instance, patch, &ray, p->rays + i, s + i);
     }
     p->whole = true;
@@ -495,7 +496,7 @@ static inline void cast_job(const Jobs* j, uint at) {
       const PatchRay pr = patch_ray(p, &q);
       float16 entry;
       const uint mask = meet_planes16(j->parts[job.patch].planes, &q, &pr, found.t, &entry);
-      tree.wanted = wanted_level(p, j->detail, nearest_entry(mask, entry), ray_speed(&ray), job.slot.level);
+      tree.wanted = wanted_level(p, detail_of(j->detail, ray_speed(&ray)), nearest_entry(mask, entry), job.slot.level);
       visited = 1 + (built ? traverse_patch(&tree, p, j->links, &q, &pr, mask, entry, j->any, &found)
                            : meet_unbuilt(&tree, &q, mask, entry, j->any, &found));
       finish_found(&tree, &found);

@@ -155,7 +155,9 @@ struct Row {
   std::vector<Ray> set;
   std::size_t hits = 0;
   double cold = 0, warm = 0, kept = 0, twin = 0, cold_ratio = 0, warm_ratio = 0;
-  ProxyStats phases;  ///< of a cold cast
+  ProxyStats phases;       ///< of a cold cast
+  ProxyStats kept_phases;  ///< of one after the casts before
+  double visits = 0, twin_visits = 0;  ///< nodes, blocks, micro-quads a ray
   double ns(double milliseconds) const {
     return milliseconds * 1e6 / static_cast<double>(std::max<std::size_t>(1, set.size()));
   }
@@ -232,6 +234,24 @@ std::vector<Row> measure_rows(const ProxyTracer& tracer, const std::optional<Exa
     }
   }
   for (std::size_t r = 0; r < rows.size(); ++r) rows[r].kept = median(kept[r]);
+  clear_cache(tracer);
+  for (Row& row : rows) {
+    const Buffer<Ray> rays(tracer.device, row.set);
+    const Buffer<Hit> found(tracer.device, row.set.size());
+    stats(tracer) = {};
+    stats(tracer).timed = true;
+    trace_rays(tracer, rays, found, row.set.size(), row.query);
+    row.kept_phases = stats(tracer);
+    const Buffer<std::uint32_t> steps(tracer.device, row.set.size());
+    trace_rays(tracer, rays, found, row.set.size(), row.query, &steps);
+    for (const std::uint32_t visited : steps.read()) row.visits += visited;
+    row.visits /= static_cast<double>(row.set.size());
+    if (twin) {
+      const ExactVisits visits = mean_visits(*twin, rays, row.set.size(), row.query);
+      row.twin_visits = visits.nodes + visits.primitives;
+    }
+  }
+  stats(tracer) = {};
   return rows;
 }
 
@@ -245,6 +265,16 @@ void print_rows(const std::vector<Row>& rows) {
                 r.rays.c_str(), r.set.size(), r.phases.top * 1e3, r.phases.sort * 1e3, r.phases.build * 1e3,
                 r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.twin, r.cold_ratio,
                 r.warm_ratio);
+  std::printf(
+      "\n| After the casts before | top, middle [ms] | sort | build | patches | rounds | pairs | built | "
+      "evicted | visits a ray | of the twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+  for (const Row& r : rows) {
+    const ProxyStats& s = r.kept_phases;
+    std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %llu | %llu | %llu | %llu | %.1f | %.1f |\n", r.rays.c_str(), s.top * 1e3,
+                s.sort * 1e3, s.build * 1e3, s.cast * 1e3, static_cast<unsigned long long>(s.rounds),
+                static_cast<unsigned long long>(s.pairs), static_cast<unsigned long long>(s.built),
+                static_cast<unsigned long long>(s.evicted), r.visits, r.twin_visits);
+  }
   std::fflush(stdout);
 }
 
