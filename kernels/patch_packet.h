@@ -9,6 +9,7 @@
 // the rays' bounds meet much that no ray does.
 #define PACKET_SPREAD 0.1f
 #define PACKET_ORIGINS 0.01f
+#define PACKET_LEAST 3  // so many rays are a packet
 
 // Sixteen rays, side by side.
 typedef struct RayLanes {
@@ -49,10 +50,32 @@ static inline void place_lanes(const float* to_object, const RayLanes* world, Ra
   placed->used = world->used;
 }
 
+// Rays that meet a box up to `limits`, as bits: by the arithmetic of prepare() and meet_children().
+static inline uint lanes_that_meet(const RayLanes* rays, const ExactScene* box, float16 limits) {
+  float16 reach = 0.0f, longest = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float16 o = rays->origin[axis];
+    reach = max(reach, max(fabs(o), max(fabs(box->lo[axis] - o), fabs(box->hi[axis] - o))));
+    longest = max(longest, fabs(rays->direction[axis]));
+  }
+  const float16 margin = 1.2e-6f * reach;  // error_bound()
+  float16 enter = rays->tmin, leave = limits;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float16 o = rays->origin[axis], d = rays->direction[axis];
+    const float16 inverse = select(copysign(1e18f / longest, d), 1.0f / d, fabs(d) > 1e-18f * longest);
+    const float16 outwards = copysign(margin, inverse);
+    const float16 near = select((float16)(box->lo[axis]), (float16)(box->hi[axis]), inverse < 0.0f),
+                  far = select((float16)(box->hi[axis]), (float16)(box->lo[axis]), inverse < 0.0f);
+    enter = max(enter, mad(near, inverse, -(o + outwards) * inverse));
+    leave = min(leave, mad(far, inverse, -(o - outwards) * inverse));
+  }
+  return lane_bits16(enter <= leave) & rays->used;
+}
+
 // Rays, prepared; those that can hit anything agree in their longest axis and in all signs.
 typedef struct Packet {
-  Query rays[PACKET];  // what micro-quads are met by; all of it once `whole`
-  bool whole;
+  Query rays[PACKET];  // what micro-quads are met by; all of it for those that are `whole`, as bits
+  uint whole;
   uint lanes;  // rays that can hit anything, as bits
   uint near_row[3], far_row[3];
   float tmin;   // the least
@@ -149,7 +172,7 @@ static bool prepare_packet(const RayLanes* rays, const ExactScene* scene, Packet
     q->sz = words[5][i];
     q->tmin = words[6][i];
   }
-  p->whole = false;
+  p->whole = 0;
   return true;
 }
 
@@ -191,6 +214,17 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
     r->nears[axis] = lo * p->inverses[axis] + p->near_offsets[axis];
     r->fars[axis] = lo * p->inverses[axis] + p->far_offsets[axis];
   }
+}
+
+// Rays that meet the patch's box up to `limits`, as bits.
+static inline uint meet_patch_box(const Packet* p, const PatchPacket* r, const float* limits) {
+  float16 enter = p->tmins, leave = vload16(0, limits);
+  for (uint axis = 0; axis < 3; ++axis) {
+    const bool back = p->near_row[axis] > 2;
+    enter = max(enter, mad((float16)(back ? 65535.0f : 0.0f), r->scales[axis], r->nears[axis]));
+    leave = min(leave, mad((float16)(back ? 0.0f : 65535.0f), r->scales[axis], r->fars[axis]));
+  }
+  return lane_bits16(enter <= leave);
 }
 
 // As meet_children_packet(); `left`: when all rays have left them.

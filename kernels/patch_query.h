@@ -165,8 +165,9 @@ static inline void finish_found(const PatchTree* tree, PatchFound* found) {
   float4 corners[3];
   load_corners(tree, found->at, corners);
   const float v = found->u, w = found->v;
-  found->u = ((float)i + (second ? v : v + w)) / (float)n;
-  found->v = ((float)j + (second ? v + w : w)) / (float)n;
+  // Two weights can be more than one by rounding.
+  found->u = min(((float)i + (second ? v : v + w)) / (float)n, 1.0f);
+  found->v = min(((float)j + (second ? v + w : w)) / (float)n, 1.0f);
   float p[3], r[3], largest = 0.0f;
   for (uint axis = 0; axis < 3; ++axis) {
     p[axis] = (second ? corners[axis].z : corners[axis].y) - corners[axis].x;

@@ -95,8 +95,8 @@ static inline float search_limit(const Search* s) {
   return few_limit(&s->few, s->limit);
 }
 
-static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Ray* ray,
-                              const Query* q, Search* s) {
+static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Query* q,
+                              Search* s) {
   __global const Patch* p = scene->patches + patch;
   const PatchRay r = patch_ray(p, q);
   float16 entry;
@@ -137,7 +137,7 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
   while (true) {
     uint next = 0;
     if (current & EXACT_LEAF_BIT) {
-      meet_patch(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &ray, &q, s);
+      meet_patch(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &q, s);
       if (s->any && s->hit.leaf != RBVH_NO_LEAF) return;
     } else {
       ++s->visited;
@@ -294,8 +294,9 @@ static inline void meet_patch_packet(const Scene* scene, __global const PatchIns
       meet_planes_packet(scene->parts[patch].planes, p, &r, greatest(vload16(0, limits)), &entry, &left);
   ++*visited;
   if (mask == 0) return;
+  uint lanes = meet_patch_box(p, &r, limits);
   const PatchSlot slot = scene->slots[patch];
-  if (s->at_once && slot.at != PATCH_NOT_BUILT && slot.level >= 2 &&
+  if (s->at_once && slot.at != PATCH_NOT_BUILT && slot.level >= 2 && popcount(lanes) >= PACKET_LEAST &&
       wanted_level(patch_at, detail_of(s->detail, p->speed), greatest(left), slot.level) == slot.level) {
     const PatchTree tree = built_tree(scene->cache + slot.at, slot.level);
     PatchFound found[PACKET];
@@ -313,14 +314,16 @@ static inline void meet_patch_packet(const Scene* scene, __global const PatchIns
       s[i].hit = make_hit(found + i, instance, patch, s[i].world);
     }
   } else {
-    for (uint lanes = p->lanes; lanes != 0; lanes &= lanes - 1) {
+    for (; lanes != 0; lanes &= lanes - 1) {
       const uint i = lowest_bit(lanes);
-      const Ray ray = instance_ray(instance, s[i].world);
-      if (!p->whole) prepare_in(instance, &ray, p->rays + i);
-      s[i].resolved = detail_of(s[i].detail, ray_speed(&ray));
-      meet_patch(scene, instance, patch, &ray, p->rays + i, s + i);
+      if (!(p->whole >> i & 1)) {
+        const Ray ray = instance_ray(instance, s[i].world);
+        prepare_in(instance, &ray, p->rays + i);
+        s[i].resolved = detail_of(s[i].detail, ray_speed(&ray));
+        p->whole |= 1u << i;
+      }
+      meet_patch(scene, instance, patch, p->rays + i, s + i);
     }
-    p->whole = true;
   }
   load_limits(p, s, limits);
 }
@@ -331,8 +334,12 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const RayLa
   RayLanes rays;
   place_lanes(placed.to_object, world, &rays);
   const ExactScene box = instance_box(instance);
+  float from[PACKET];
+  for (uint i = 0; i < PACKET; ++i) from[i] = world->used >> i & 1 ? search_limit(s + i) : -INFINITY;
+  rays.used = lanes_that_meet(&rays, &box, vload16(0, from));
   Packet p;
-  if (!prepare_packet(&rays, &box, &p)) {
+  p.lanes = rays.used;
+  if (popcount(rays.used) < PACKET_LEAST || !prepare_packet(&rays, &box, &p)) {
     for (uint lanes = p.lanes; lanes != 0; lanes &= lanes - 1) {
       const uint i = lowest_bit(lanes);
       meet_instance(scene, at, s[i].world, s + i);
