@@ -386,10 +386,12 @@ void add_info(CLI::App& app, Context& context) {
     bool as_json = false;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* stage = add_stage(
-      app, context, {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"}, 0,
-      [&context, options] { run_info(context, options->file, options->as_json); });
-  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")->required();
+  CLI::App* stage =
+      add_stage(app, context,
+                {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"},
+                0, [&context, options] { run_info(context, options->file, options->as_json); });
+  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
+      ->required();
   stage->add_flag("--json", options->as_json, "as JSON");
 }
 

@@ -105,10 +105,10 @@ Input read_mesh(Context& context, const ProxyOptions& options) {
   for (std::size_t i = 0; i < input.scan.positions.size(); ++i)
     if (const Vec3f& p = input.scan.positions[i];
         !(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= kLargestProxyValue) || !is_finite(p))
-      throw Error(ExitCode::kInput, options.file,
-                  "vertex " + std::to_string(i) +
-                      (is_finite(p) ? " is too large: beyond 1e18"
-                                    : " is not finite; run rbvh ingest on it first"));
+      throw Error(
+          ExitCode::kInput, options.file,
+          "vertex " + std::to_string(i) +
+              (is_finite(p) ? " is too large: beyond 1e18" : " is not finite; run rbvh ingest on it first"));
   check_budget(context, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
   return input;
 }

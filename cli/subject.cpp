@@ -29,7 +29,8 @@ constexpr std::uint64_t kPairBytesPerFileByte = 6;
 // A map is in memory as it was read and on the device; compressed to half on disk.
 constexpr std::uint64_t kProxyBytesPerFileByte = 5;
 constexpr std::uint64_t kBytesPerTwinTriangle = 120;  // mesh, hierarchy and what builds it
-constexpr std::uint64_t kBytesPerCastPrimitive = 200;  // in memory, its hierarchy, and what builds that
+// In memory, its hierarchy, and what builds that, as measured.
+constexpr std::uint64_t kBytesPerCastPrimitive = 250, kBytesPerKdPrimitive = 400;
 constexpr std::uint64_t kBytesPerPatch = 400;
 constexpr std::uint64_t kMostNumbers = 1u << 24;
 constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
@@ -210,7 +211,9 @@ void check_cast_budget(const Context& context, const Subject& subject, const Sce
   std::uint64_t bytes = 0;
   bool has_proxy = false;
   const auto add_scan = [&](const Scan& scan) {
-    bytes += std::max(scan.triangles.size(), scan.is_cloud() ? scan.positions.size() : 0) * kBytesPerCastPrimitive;
+    const bool is_kd = info(config.exact.traversal).tree == TreeKind::kKd;
+    bytes += (scan.is_cloud() ? scan.positions.size() : scan.triangles.size()) *
+             (is_kd ? kBytesPerKdPrimitive : kBytesPerCastPrimitive);
   };
   if (const Scan* scan = subject.scan()) add_scan(*scan);
   if (const Scene* scene = subject.scene()) {
@@ -220,7 +223,8 @@ void check_cast_budget(const Context& context, const Subject& subject, const Sce
         bytes += level->layers[0].texels.size() * sizeof(std::uint16_t);
       if (const Proxy* proxy = object.proxy()) {
         has_proxy = true;
-        bytes += 2 * proxy->map.size() * sizeof(Vec3f) + proxy->quads.size() * kBytesPerPatch;  // here, and there
+        bytes +=
+            2 * proxy->map.size() * sizeof(Vec3f) + proxy->quads.size() * kBytesPerPatch;  // here, and there
       }
     }
     bytes += scene->instances.size() * (sizeof(SceneInstance) + sizeof(ExactNode));

@@ -56,8 +56,8 @@ std::vector<std::string> choose_levels(const Subject& subject, const std::vector
 /// pictures do.
 void check_leaf_numbers(const Subject& subject, const std::string& level);
 
-/// Throws Error(kBudget) where what casting takes beside the files is over --memory: hierarchies of scans, maps
-/// of proxies, their patch cache.
+/// Throws Error(kBudget) where what casting takes beside the files is over --memory: hierarchies of scans,
+/// maps of proxies, their patch cache.
 void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config);
 
 using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer, SceneTracer>;

@@ -81,18 +81,18 @@ void run_trace(Context& context, const TraceOptions& options) {
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
   check_exact_options(options.exact, exact, subject);
-  check_cast_budget(context, subject, options.scene);
   const std::string level = choose_levels(subject, options.levels, true).front();
   if ((level == "auto") != options.cone.has_value() && subject.rbvh())
     throw Error(ExitCode::kUsage, "", "--level auto and --cone go together");
   check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,
                "its rays and hits");
+  SceneConfig config = options.scene;
+  config.exact = exact;
+  check_cast_budget(context, subject, config);
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
-  SceneConfig config = options.scene;
-  config.exact = exact;
   const Caster caster =
       make_caster(device, subject, level, config,
                   static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360)));

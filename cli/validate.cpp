@@ -274,8 +274,7 @@ void add_validate(CLI::App& app, Context& context) {
                               {"validate", "Check a file; measure a pair or a proxy against its scan",
                                "rbvh validate dragon.rbvh --against dragon.ply"},
                               kWithDevice, [&context, options] { run_validate(context, *options); });
-  stage
-      ->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
+  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
       ->required();
   stage
       ->add_option("--against", options->against,

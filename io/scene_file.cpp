@@ -199,14 +199,13 @@ class Reader {
       refuse(where, "has a singular transform: it makes things flat");
   }
 
-  // Each group once, so that what leads back to itself is found before it is followed. Returns how many groups deep it
-  // is, itself counted.
+  // Each group once, so that what leads back to itself is found before it is followed. Returns how many
+  // groups deep it is, itself counted.
   std::size_t check_group(const std::string& name) {
     if (const auto known = checked_.find(name); known != checked_.end()) return known->second;
     if (!open_.insert(name).second) refuse("group \"" + name + "\"", "contains itself");
     const std::size_t depth =
-        open_.size() > kMostDepth ? kMostDepth
-                                  : check_list(*groups_.at(name), "group \"" + name + "\"");
+        open_.size() > kMostDepth ? kMostDepth : check_list(*groups_.at(name), "group \"" + name + "\"");
     if (depth >= kMostDepth)
       refuse("group \"" + name + "\"", "is more than " + std::to_string(kMostDepth) + " groups deep");
     open_.erase(name);
@@ -254,9 +253,9 @@ class Reader {
   std::map<std::string, std::size_t> files_;
   std::map<std::string, const Json*> groups_;
   std::deque<Json> groups_json_;
-  std::set<std::string> open_;                   ///< groups on the way to the one that is checked
+  std::set<std::string> open_;                  ///< groups on the way to the one that is checked
   std::map<std::string, std::size_t> checked_;  ///< those that are done, and how deep they are
-  std::size_t placed_ = 0;                       ///< groups too
+  std::size_t placed_ = 0;                      ///< groups too
 };
 
 }  // namespace

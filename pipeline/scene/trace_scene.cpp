@@ -227,8 +227,8 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
     state.top = wide.scene;
     state.nodes = {device, wide.nodes};
     state.placements = {device, placements};
-    state.options = "-DSTACK=" + std::to_string((wide.stack + 63) / 64 * 64) +
-                    " -DMOST=" + std::to_string(kMostOfRay);
+    state.options =
+        "-DSTACK=" + std::to_string((wide.stack + 63) / 64 * 64) + " -DMOST=" + std::to_string(kMostOfRay);
   }
   if (!proxy_instances.empty() || placements.empty())
     state.proxies = make_proxy_tracer(device, proxies, proxy_instances, config.proxy);
@@ -248,7 +248,8 @@ void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buf
   Buffer<Ray>& rays = tracer.state->camera_rays;
   if (rays.size() < pixels) rays = {tracer.device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
-  tracer.device.kernel("trace_scene", "write_camera_rays").run(squares * 64, kGroup, camera, rays);
+  tracer.device.kernel("trace_scene", "write_camera_rays", tracer.state->options)
+      .run(squares * 64, kGroup, camera, rays);
   trace_with_levels(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 

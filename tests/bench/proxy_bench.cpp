@@ -155,8 +155,8 @@ struct Row {
   std::vector<Ray> set;
   std::size_t hits = 0;
   double cold = 0, warm = 0, kept = 0, twin = 0, cold_ratio = 0, warm_ratio = 0;
-  ProxyStats phases;       ///< of a cold cast
-  ProxyStats kept_phases;  ///< of one after the casts before
+  ProxyStats phases;                   ///< of a cold cast
+  ProxyStats kept_phases;              ///< of one after the casts before
   double visits = 0, twin_visits = 0;  ///< nodes, blocks, micro-quads a ray
   double ns(double milliseconds) const {
     return milliseconds * 1e6 / static_cast<double>(std::max<std::size_t>(1, set.size()));
@@ -267,13 +267,15 @@ void print_rows(const std::vector<Row>& rows) {
                 r.warm_ratio);
   std::printf(
       "\n| After the casts before | top, middle [ms] | sort | build | patches | rounds | pairs | built | "
-      "evicted | visits a ray | of the twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
+      "evicted | visits a ray | of the twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | "
+      "--- |\n");
   for (const Row& r : rows) {
     const ProxyStats& s = r.kept_phases;
-    std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %llu | %llu | %llu | %llu | %.1f | %.1f |\n", r.rays.c_str(), s.top * 1e3,
-                s.sort * 1e3, s.build * 1e3, s.cast * 1e3, static_cast<unsigned long long>(s.rounds),
-                static_cast<unsigned long long>(s.pairs), static_cast<unsigned long long>(s.built),
-                static_cast<unsigned long long>(s.evicted), r.visits, r.twin_visits);
+    std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %llu | %llu | %llu | %llu | %.1f | %.1f |\n",
+                r.rays.c_str(), s.top * 1e3, s.sort * 1e3, s.build * 1e3, s.cast * 1e3,
+                static_cast<unsigned long long>(s.rounds), static_cast<unsigned long long>(s.pairs),
+                static_cast<unsigned long long>(s.built), static_cast<unsigned long long>(s.evicted),
+                r.visits, r.twin_visits);
   }
   std::fflush(stdout);
 }
@@ -396,11 +398,11 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       ++found;
     }
     const auto patches = std::max<std::ptrdiff_t>(1, std::count(reached.begin(), reached.end(), 1));
-    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
-                resolution, patches, static_cast<double>(found) / static_cast<double>(patches),
-                phases.top * 1e3, phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold),
-                median(cached), median(exact), median(cold_ratios), median(cached_ratios), median(packets),
-                median(packet_ratios));
+    std::printf(
+        "| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
+        resolution, patches, static_cast<double>(found) / static_cast<double>(patches), phases.top * 1e3,
+        phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold), median(cached), median(exact),
+        median(cold_ratios), median(cached_ratios), median(packets), median(packet_ratios));
     std::fflush(stdout);
   }
 }
@@ -419,7 +421,8 @@ int run(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--processor-time", counts_processor_time,
                "count processor time in place of elapsed time, but for phases: on machines with other work");
-  app.add_option("--sweep-sizes", options.sweep_sizes, "pixels each way of the table by rays a patch, multiples of 8")
+  app.add_option("--sweep-sizes", options.sweep_sizes,
+                 "pixels each way of the table by rays a patch, multiples of 8")
       ->delimiter(',');
   app.add_flag("!--no-sweep", options.sweep, "leave out the table by rays a patch");
   CLI11_PARSE(app, argc, argv);

@@ -229,7 +229,8 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   check(device.as_gpu(), {}, "a GPU's code");
 }
 
-// Neighbours that stay together are cast 16 at a time; so are those that nearly do, or hit nothing, or end early.
+// Neighbours that stay together are cast 16 at a time; so are those that nearly do, or hit nothing, or end
+// early.
 TEST_F(TraceProxy, RaysThatStayTogetherFindWhatEachFindsAlone) {
   const std::vector<std::uint32_t> mixed = random_levels(random, quad_sphere(3).quads.size(), 6);
   for (const std::vector<std::uint32_t>& levels : {std::vector<std::uint32_t>{5}, {4}, mixed}) {

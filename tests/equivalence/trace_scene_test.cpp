@@ -89,12 +89,12 @@ TEST_F(TraceScene, IsTheMeshOfAllItsInstances) {
   for (std::size_t i = 0; i < rays.size(); ++i) {
     found += is_hit(expected[i]);
     EXPECT_EQ(is_hit(any[i]), is_hit(hits[i])) << "ray " << i;
-    const bool same =
-        is_hit(hits[i]) == is_hit(expected[i]) &&
-        (!is_hit(hits[i]) || (hits[i].leaf == leaves[expected[i].leaf] &&
-                     (hits[i].flags & RBVH_HIT_BACK_FACE) == (expected[i].flags & RBVH_HIT_BACK_FACE) &&
-                     std::abs(hits[i].t - expected[i].t) <= 1e-4f * std::abs(expected[i].t) + 1e-5f &&
-                     dot(normal_of(hits[i]), normal_of(expected[i])) > 0.999f));
+    const bool same = is_hit(hits[i]) == is_hit(expected[i]) &&
+                      (!is_hit(hits[i]) ||
+                       (hits[i].leaf == leaves[expected[i].leaf] &&
+                        (hits[i].flags & RBVH_HIT_BACK_FACE) == (expected[i].flags & RBVH_HIT_BACK_FACE) &&
+                        std::abs(hits[i].t - expected[i].t) <= 1e-4f * std::abs(expected[i].t) + 1e-5f &&
+                        dot(normal_of(hits[i]), normal_of(expected[i])) > 0.999f));
     differing += !same;
   }
   EXPECT_GT(found, 300u);
@@ -113,7 +113,8 @@ TEST_F(TraceScene, ManyInstancesAreAllThere) {
     for (double& x : a.m) x *= 0.05;
     for (const std::size_t offset : {3u, 7u, 11u}) a.m[offset] = static_cast<double>(uniform(random, -1, 1));
     scene.instances.push_back({static_cast<std::uint32_t>(i % 2), a});
-    add_moved(all, leaves, kinds[i % 2], scene.instances.back(), static_cast<std::uint32_t>(leaves.size()), nullptr);
+    add_moved(all, leaves, kinds[i % 2], scene.instances.back(), static_cast<std::uint32_t>(leaves.size()),
+              nullptr);
   }
   std::vector<Ray> rays = random_rays(random, all, 1000);
   const std::vector<Hit> expected = cast(make_exact_tracer(device, all), rays);

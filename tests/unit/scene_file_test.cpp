@@ -133,7 +133,9 @@ TEST(SceneFile, GroupsThatMultiplyAreBounded) {
 // Groups one in the other.
 std::string chain_of_groups(int groups, bool outermost_first) {
   std::string chain;
-  const auto name = [&](int i) { return "g" + std::to_string(1000 + (outermost_first ? i : groups - 1 - i)); };
+  const auto name = [&](int i) {
+    return "g" + std::to_string(1000 + (outermost_first ? i : groups - 1 - i));
+  };
   for (int i = 0; i < groups; ++i) {
     const std::string inner = i + 1 < groups ? name(i + 1) : "a";
     chain += ", \"" + name(i) + R"(": {"group": [{"object": ")" + inner + R"("}]})";
