@@ -272,7 +272,7 @@ static uint traverse_patch_packet(const PatchTree* tree, __global const Patch* p
                                   uint parts, float16 parts_entry, float* limits, PatchFound* found) {
   uint stack[PATCH_STACK], depth = 0, visited = 0;
   float stack_t[PATCH_STACK], limit = greatest(vload16(0, limits));
-  uint current = first_visit(tree->level, patch->loose, parts, parts_entry, stack, stack_t, &depth);
+  uint current = first_visit(tree, patch->loose, parts, parts_entry, stack, stack_t, &depth);
   if (current == 0) return 0;
   while (true) {
     ++visited;
@@ -286,9 +286,11 @@ static uint traverse_patch_packet(const PatchTree* tree, __global const Patch* p
       float16 entry, left;
       uint mask = meet_planes_packet(tree->blocks[at].planes, p, r, limit, &entry, &left);
       if (quarters != 0) mask &= four_times(quarters);
-      if (mask != 0)
-        next = take_children(0, VISIT(PATCH_WIDTH * at - PATCH_FIRST_LANE + 1, at_level + 2, 0u), mask, entry, stack,
-                             stack_t, &depth);
+      if (mask != 0) {
+        const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
+        ask_for(tree->blocks, first + 1, mask);
+        next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
+      }
     }
     while (next == 0) {
       if (depth == 0) return visited;

@@ -323,18 +323,37 @@ static inline uint meet_leaves(const PatchTree* tree, uint b, const Query* q, ui
   return met;
 }
 
+// What a ray will soon read is far away: several blocks are asked for at once.
+static inline void ask_for(__global const PatchBlock* blocks, uint first, uint mask) {
+#if defined(__clang__) && defined(__AVX512VL__)
+  for (; mask != 0; mask &= mask - 1) {
+    const char* block = (const char*)(size_t)(blocks + first + lowest_bit(mask));
+    __builtin_prefetch(block);
+    __builtin_prefetch(block + 64);
+    __builtin_prefetch(block + 128);
+    __builtin_prefetch(block + 192);
+    __builtin_prefetch(block + 256);
+  }
+#endif
+}
+
 // Where to begin in a patch of level 2 or more, of whose 16 parts `parts` are met; 0: nowhere.
-static inline uint first_visit(uint level, uint loose, uint parts, float16 parts_entry, uint* stack, float* stack_t,
-                               uint* depth) {
+static inline uint first_visit(const PatchTree* tree, uint loose, uint parts, float16 parts_entry, uint* stack,
+                               float* stack_t, uint* depth) {
+  const uint level = tree->level;
   if (parts == 0) return 0;
   if (loose || level < 4) return level & 1 ? VISIT(0u, 1u, 8u) : VISIT(1u, 2u, 0u);
-  if (!(level & 1)) return take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, depth);
+  if (!(level & 1)) {
+    ask_for(tree->blocks, 6, parts);
+    return take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, depth);
+  }
   // A part's children are a quarter of a block, four parts' a block.
   float t[16];
   vstore16(parts_entry, 0, t);
   for (uint k = 0; k < 4; ++k) {
     const uint quarters = parts >> 4 * k & 15;
     if (quarters == 0) continue;
+    ask_for(tree->blocks, 2 + k, 1);
     float first_t = INFINITY;
     for (uint rest = quarters; rest != 0; rest &= rest - 1) first_t = min(first_t, t[4 * k + lowest_bit(rest)]);
     uint at = (*depth)++;
@@ -359,7 +378,7 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
   }
   uint stack[PATCH_STACK], depth = 0, visited = 0;
   float stack_t[PATCH_STACK];
-  uint current = first_visit(level, p->loose, parts, parts_entry, stack, stack_t, &depth);
+  uint current = first_visit(tree, p->loose, parts, parts_entry, stack, stack_t, &depth);
   if (current == 0) return 0;
   while (true) {
     ++visited;
@@ -389,6 +408,7 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
       }
       if (mask != 0) {
         const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
+        ask_for(tree->blocks, first + 1, mask);
         next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }

@@ -19,6 +19,7 @@ namespace {
 
 constexpr std::size_t kBatch = std::size_t{1} << 20;  // rays whose pairs are in memory at once
 constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
+constexpr std::uint32_t kFewPairs = 4096;        // are sorted here rather than by a dozen kernels
 constexpr std::uint32_t kJobRays = 2048;         // of one patch: more are several jobs
 constexpr std::uint32_t kLeastLevel = 2;         // 16 micro-quads cost as much as one
 constexpr std::uint32_t kLeastUnbuiltLevel = 4;  // coarser ones are built as fast as met
@@ -327,11 +328,8 @@ class Cast {
     if (pairs == 0) return 0;
     state_.stats.pairs += pairs;
 
-    unsigned key_bits = 1;
-    while (key_bits < 32 && state_.pair_numbers >> key_bits != 0) ++key_bits;
-    radix_sort(device_, state_.pair_keys, state_.pair_places, pairs, key_bits);
     std::vector<std::uint32_t> keys(pairs);
-    state_.pair_keys.read(keys);
+    sort_pairs(keys);
     state_.stats.sort += watch.lap();
 
     make_jobs(keys, watch);
@@ -346,6 +344,26 @@ class Cast {
     next_count_.read(std::span(&going_on, 1));
     state_.stats.cast += watch.lap();
     return going_on;
+  }
+
+  /// `keys` get the pairs' keys in ascending order.
+  void sort_pairs(std::vector<std::uint32_t>& keys) {
+    const auto pairs = static_cast<std::uint32_t>(keys.size());
+    if (pairs > kFewPairs) {
+      unsigned key_bits = 1;
+      while (key_bits < 32 && state_.pair_numbers >> key_bits != 0) ++key_bits;
+      radix_sort(device_, state_.pair_keys, state_.pair_places, pairs, key_bits);
+      state_.pair_keys.read(keys);
+      return;
+    }
+    state_.pair_keys.read(keys);
+    std::vector<std::uint32_t> places(pairs);
+    for (std::uint32_t i = 0; i < pairs; ++i) places[i] = i;
+    std::sort(places.begin(), places.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return keys[a] != keys[b] ? keys[a] < keys[b] : a < b;
+    });
+    std::sort(keys.begin(), keys.end());
+    state_.pair_places.write(places);
   }
 
   /// Builds what is missing and casts, as many patches at a time as the cache holds. `keys` are sorted.
