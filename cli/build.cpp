@@ -5,6 +5,7 @@
 #include "cli/common.h"
 #include "cli/layer_options.h"
 #include "cli/measure.h"
+#include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
@@ -29,11 +30,12 @@ struct BuildOptions {
   std::vector<std::string> levels;  // empty: all
   Refinement refinement = Refinement::kProjectedArea;
   SplitRule split = SplitRule::kSpatialMedian;
+  PartitionWhere partition = PartitionWhere::kDevice;
   RaysKind rays = RaysKind::kCoherent;
   std::optional<Vec3d> focus, focus_camera;
   std::optional<double> focus_radius;
-  std::string focus_level = "Q0";
-  std::vector<std::string> layers;  // of the scan's vertex properties
+  std::optional<std::string> focus_level;  // Q0
+  std::vector<std::string> layers;         // of the scan's vertex properties
   double layer_scale = 1;
   Hybrid hybrid = Hybrid::kAuto;
   bool measure = false;
@@ -50,6 +52,12 @@ SplitRule parse_split(std::string_view text) {
   if (text == "median") return SplitRule::kSpatialMedian;
   if (text == "sah") return SplitRule::kSurfaceArea;
   throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither median nor sah");
+}
+
+PartitionWhere parse_partition(std::string_view text) {
+  if (text == "device") return PartitionWhere::kDevice;
+  if (text == "host") return PartitionWhere::kHost;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither device nor host");
 }
 
 RaysKind parse_rays(std::string_view text) {
@@ -86,13 +94,19 @@ double parse_radius(std::string_view text) {
   return radius;
 }
 
+LevelConfig focus_level(const BuildOptions& options) {
+  return choose_level_configs({options.focus_level.value_or("Q0")}).front();
+}
+
 void check_focus(const BuildOptions& options) {
   const auto refuse = [](const char* what) { throw Error(ExitCode::kUsage, "", what); };
   if (options.focus && options.focus_camera) refuse("--focus and --focus-camera: one of them is wanted");
   if (options.focus && !options.focus_radius) refuse("--focus: how far around it? Add --focus-radius");
   if (options.focus_radius && !options.focus && !options.focus_camera)
     refuse("--focus-radius: around what? Add --focus or --focus-camera");
-  choose_level_configs({options.focus_level});
+  if (options.focus_level && !options.focus && !options.focus_camera)
+    refuse("--focus-level: around what? Add --focus or --focus-camera");
+  focus_level(options);
 }
 
 /// Of a camera: the nearest that it sees has the focus level's quality.
@@ -100,7 +114,7 @@ std::optional<Focus> make_focus(const BuildOptions& options, const Scan& scan) {
   if (!options.focus && !options.focus_camera) return {};
   Focus focus;
   focus.center = Vec3f(options.focus ? *options.focus : *options.focus_camera);
-  focus.level = choose_level_configs({options.focus_level}).front();
+  focus.level = focus_level(options);
   if (options.focus_radius) {
     focus.radius = static_cast<float>(*options.focus_radius);
     return focus;
@@ -127,12 +141,13 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
   nlohmann::ordered_json json;
   json["refinement"] = options.refinement == Refinement::kProjectedArea ? "area" : "cone";
   json["split"] = options.split == SplitRule::kSpatialMedian ? "median" : "sah";
+  json["partition"] = options.partition == PartitionWhere::kDevice ? "device" : "host";
   json["rays"] = options.rays == RaysKind::kCoherent ? "coherent" : "incoherent";
   if (options.focus || options.focus_camera) {
     const Vec3d at = options.focus ? *options.focus : *options.focus_camera;
     json[options.focus ? "focus" : "focus_camera"] = {at.x, at.y, at.z};
     if (options.focus_radius) json["focus_radius"] = *options.focus_radius;
-    json["focus_level"] = options.focus_level;
+    json["focus_level"] = focus_level(options).name;
   }
   for (const auto& [name, hybrid] : kHybrids)
     if (hybrid == options.hybrid) json["hybrid"] = name;
@@ -153,7 +168,7 @@ Scan measure_pair(Context& context, const Device& device, const ViewsConfig& vie
   config.views = views;
   config.images = config.distances = true;
   const std::vector<LevelMeasure> measures =
-      measure_levels(context, device, pair, exact, choose_levels(pair, {"all"}), config);
+      measure_levels(context, device, pair, exact, choose_levels(context, pair, {"all"}), config);
   rbvh = std::move(std::get<Rbvh>(pair.content));
   for (std::size_t i = 0; i < measures.size(); ++i)
     rbvh.levels[i].fidelity = stored_fidelity(measures[i], config.views);
@@ -166,10 +181,11 @@ void run_build(Context& context, const BuildOptions& options) {
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
   config.split = options.split;
+  config.partition = options.partition;
   config.rays = options.rays;
   config.hybrid = options.hybrid;
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
-  check_rbvh_output(context.output, context.force);
+  check_pair_output(context);
 
   Stopwatch watch;
   Scan scan;
@@ -192,11 +208,22 @@ void run_build(Context& context, const BuildOptions& options) {
   const Device device = Device::open(context.device);
   BuildTimings timings;
   watch.lap();
-  Rbvh rbvh = build_rbvh(device, scan, config, context.progress.callback(), &timings);
+  const auto of_file = [&](auto&& work) {  // whose errors do not know where the scan came from
+    try {
+      return work();
+    } catch (const Error& error) {
+      throw Error(error.code(), input_name(options.file), error.what());
+    }
+  };
+  Rbvh rbvh =
+      of_file([&] { return build_rbvh(device, scan, config, context.progress.callback(), &timings); });
   const double build_seconds = watch.lap();
   rbvh.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
   rbvh.source.hash = hash;
-  add_property_layers(rbvh.levels, scan, options.layers, options.layer_scale, context.progress.callback());
+  for (const std::string& name : options.layers) warn_of_infinite(context, options.file, scan, name);
+  of_file([&] {
+    add_property_layers(rbvh.levels, scan, options.layers, options.layer_scale, context.progress.callback());
+  });
   const double layer_seconds = watch.lap();
   double measure_seconds = 0;
   if (options.measure) {
@@ -214,7 +241,6 @@ void run_build(Context& context, const BuildOptions& options) {
       {"partition", timings.partition}, {"rasterize", timings.rasterize}, {"pack", timings.pack},
       {"layers", layer_seconds},        {"measure", measure_seconds},     {"write", write_seconds}};
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
-  report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
     const Level& level = rbvh.levels[i];
     report["levels"].push_back({{"name", level.name},
@@ -225,8 +251,7 @@ void run_build(Context& context, const BuildOptions& options) {
                                 {"seconds", timings.levels[i].seconds},
                                 {"fidelity", fidelity_json(level.fidelity)}});
   }
-  note(context, "rbvh build: wrote " + context.output + " (" + std::to_string(rbvh.levels.size()) +
-                    " levels, " + format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
+  report_pair(context, context.output, bytes, counted(rbvh.levels.size(), "level"));
 }
 
 }  // namespace
@@ -243,6 +268,8 @@ void add_build(CLI::App& app, Context& context) {
              "what splits a node: area (projected area, default) or cone (cone of normals)");
   add_parsed(*stage, "--split", options->split, parse_split, "HOW",
              "where a node is split: median (of the longest axis, default) or sah (surface area heuristic)");
+  add_parsed(*stage, "--partition", options->partition, parse_partition, "WHERE",
+             "what splits the nodes: the device (default), or one core of the host in double precision");
   add_parsed(
       *stage, "--rays", options->rays, parse_rays, "KIND",
       "what tiles are sized for: coherent rays (default) or incoherent ones, which prefer smaller tiles");
@@ -258,14 +285,15 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(*stage, "--layer", options->layers, parse_layer_names, "NAME,NAME",
              "make layers of these properties of the scan's vertices");
   add_parsed(*stage, "--layer-scale", options->layer_scale, parse_layer_scale, "S",
-             "their texels to one of the heights', 0.0625 to 16 (default: 1)");
+             "their texels to one of the heights', 0.0625 to 16 (default: 1)")
+      ->needs("--layer");
   add_parsed(*stage, "--hybrid", options->hybrid, parse_hybrid, "WHEN",
              "which leaves keep their triangles or discs: off (none), auto (where tiles are faulty or more "
              "bytes, default), always");
   stage->add_flag(
       "--measure", options->measure,
       "compare each level with the scan in 8 views and store what is found (see validate --against)");
-  add_views_options(*stage, options->views);
+  add_views_options(*stage, options->views, "--measure");
 }
 
 }  // namespace rbvh

@@ -1,58 +1,11 @@
 #include "cli/camera_options.h"
 
-#include <spdlog/fmt/fmt.h>
-
-#include <nlohmann/json.hpp>
-
 #include "cli/common.h"
-#include "io/input_file.h"
 
 namespace rbvh {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr const char* kGroup = "Camera (as f3d's)";
-
-[[noreturn]] void refuse(const std::string& path, const std::string& where, const std::string& what) {
-  throw Error(ExitCode::kInput, path, where + ": " + what);
-}
-
-double read_number(const std::string& path, const std::string& where, const Json& value) {
-  if (!value.is_number() || !std::isfinite(value.get<double>())) refuse(path, where, "a number is wanted");
-  return value.get<double>();
-}
-
-Vec3d read_vec3(const std::string& path, const std::string& where, const Json& value) {
-  if (!value.is_array() || value.size() != 3) refuse(path, where, "three numbers [x, y, z] are wanted");
-  return {read_number(path, where, value[0]), read_number(path, where, value[1]),
-          read_number(path, where, value[2])};
-}
-
-CameraWords read_camera(const std::string& path, const std::string& where, const Json& value,
-                        CameraWords words) {
-  if (!value.is_object()) refuse(path, where, "an object is wanted");
-  for (const auto& [key, entry] : value.items()) {
-    const std::string at = fmt::format("{}, {}", where, key);
-    if (key == "position")
-      words.position = read_vec3(path, at, entry);
-    else if (key == "focal_point")
-      words.focal_point = read_vec3(path, at, entry);
-    else if (key == "view_up")
-      words.view_up = read_vec3(path, at, entry);
-    else if (key == "view_angle")
-      words.view_angle = read_number(path, at, entry);
-    else if (key == "azimuth_angle")
-      words.azimuth = read_number(path, at, entry);
-    else if (key == "elevation_angle")
-      words.elevation = read_number(path, at, entry);
-    else
-      refuse(path, at,
-             "is no camera word; there are position, focal_point, view_up, view_angle, azimuth_angle, "
-             "elevation_angle");
-  }
-  return words;
-}
 
 }  // namespace
 
@@ -77,23 +30,6 @@ void add_camera_options(CLI::App& stage, CameraOptions& options) {
   stage.add_option("--cameras", options.cameras_path, "a JSON list of cameras, one picture each")
       ->type_name("FILE")
       ->group(kGroup);
-}
-
-std::vector<CameraWords> read_cameras(const std::string& path, const CameraWords& defaults) {
-  const InputBytes bytes = read_input(path);
-  Json json;
-  try {
-    json = Json::parse(bytes.view());
-  } catch (const Json::parse_error& error) {
-    refuse(path, "byte " + std::to_string(error.byte), "this is no JSON");
-  }
-  if (json.is_object() && json.size() == 1 && json.contains("cameras")) json = Json(json["cameras"]);
-  if (!json.is_array() || json.empty())
-    throw Error(ExitCode::kInput, path, "a list of one camera or more is wanted");
-  std::vector<CameraWords> cameras;
-  for (const Json& value : json)
-    cameras.push_back(read_camera(path, "camera " + std::to_string(cameras.size()), value, defaults));
-  return cameras;
 }
 
 std::vector<Camera> place_cameras(const CameraOptions& options, const std::vector<CameraWords>& words,

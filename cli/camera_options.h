@@ -21,12 +21,6 @@ struct CameraOptions {
 
 void add_camera_options(CLI::App& stage, CameraOptions& options);
 
-/// Reads a camera file: {"cameras": [{"position": [x, y, z], "focal_point": [x, y, z], "view_up": [x, y, z],
-/// "view_angle": degrees, "azimuth_angle": degrees, "elevation_angle": degrees}, ...]} or the list alone;
-/// what a camera does not say is taken from `defaults`. Throws Error(kInput) with the place of the first
-/// fault.
-std::vector<CameraWords> read_cameras(const std::string& path, const CameraWords& defaults);
-
 /// What the options ask for, in frame order: one camera, those of the file, or a turntable (of each of
 /// these).
 std::vector<Camera> place_cameras(const CameraOptions& options, const std::vector<CameraWords>& words,

@@ -105,6 +105,8 @@ void check_paths_differ(const Context& context, const std::vector<std::string>& 
     const auto whole = std::filesystem::weakly_canonical(path, error);
     return error ? std::filesystem::path(path) : whole;
   };
+  if (std::count(inputs.begin(), inputs.end(), "-") > 1)
+    throw Error(ExitCode::kUsage, "", "standard input can be one input only; name files");
   for (const std::string& input : inputs)
     if (input != "-") taken.insert(resolve(input));
   for (const std::string& output : outputs) {
@@ -156,6 +158,12 @@ CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsi
   return stage;
 }
 
+void refuse_options(const std::vector<const CLI::Option*>& options, const std::string& file,
+                    const std::string& why) {
+  for (const CLI::Option* option : options)
+    if (option->count() > 0) throw Error(ExitCode::kUsage, file, option->get_name() + " " + why);
+}
+
 void print_data(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
 
 void note(Context& context, const std::string& line) {
@@ -194,6 +202,12 @@ void check_budget(const Context& context, std::uint64_t bytes, const std::string
                   (is_given ? " of --memory; raise it or ask for less" : " of this machine; ask for less"));
 }
 
+void check_read_budget(const Context& context, const std::string& path, std::uint64_t times) {
+  std::error_code no_size;
+  const std::uintmax_t size = std::filesystem::file_size(path, no_size);
+  if (!no_size) check_budget(context, size * times, path, "reading it");
+}
+
 std::string format_bytes(std::uint64_t bytes) {
   static const char* const kUnits[] = {"B", "kB", "MB", "GB", "TB"};
   double value = static_cast<double>(bytes);
@@ -205,6 +219,19 @@ std::string format_bytes(std::uint64_t bytes) {
   char text[32];
   std::snprintf(text, sizeof text, unit == 0 ? "%.0f %s" : "%.3g %s", value, kUnits[unit]);
   return text;
+}
+
+std::string plural(const std::string& noun) {
+  const auto ends = [&](std::string_view end) { return noun.ends_with(end); };
+  if (ends("leaf")) return noun.substr(0, noun.size() - 1) + "ves";
+  if (ends("vertex")) return noun.substr(0, noun.size() - 2) + "ices";
+  if (ends("radius")) return noun.substr(0, noun.size() - 2) + "i";
+  if (ends("patch")) return noun + "es";
+  return noun + "s";
+}
+
+std::string counted(std::uint64_t count, const std::string& noun) {
+  return std::to_string(count) + " " + (count == 1 ? noun : plural(noun));
 }
 
 nlohmann::ordered_json device_json(const DeviceInfo& info) {

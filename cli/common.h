@@ -67,7 +67,7 @@ enum CommonOption : unsigned {
   kWithReport = 4,  ///< --report
 };
 
-/// Throws Error(kUsage) where one of `outputs`, the report or the log is an input, or another of them.
+/// Throws Error(kUsage) for an output, report or log that is an input or named twice, and for two inputs "-".
 void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
                         std::vector<std::string> outputs);
 
@@ -95,6 +95,10 @@ CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target
       ->type_name(value_name);
 }
 
+/// Throws Error(kUsage) where one of the options was given: "FILE: --option is for ...".
+void refuse_options(const std::vector<const CLI::Option*>& options, const std::string& file,
+                    const std::string& why);
+
 /// To stdout.
 void print_data(std::string_view text);
 /// One line to stderr (and the log), unless --quiet.
@@ -110,8 +114,16 @@ void print_error(Context& context, const std::string& line);
 void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
                   const std::string& what);
 
+/// The same for reading a file as it is and what is made of its bytes; nothing where it has no size (a pipe).
+void check_read_budget(const Context& context, const std::string& path, std::uint64_t times = 2);
+
 /// "12.3 MB".
 std::string format_bytes(std::uint64_t bytes);
+
+/// "levels" of "level", "leaves" of "leaf".
+std::string plural(const std::string& noun);
+/// "1 level", "2 levels".
+std::string counted(std::uint64_t count, const std::string& noun);
 
 /// A device as reports and `devices --json` have it.
 nlohmann::ordered_json device_json(const DeviceInfo& info);

@@ -77,7 +77,15 @@ void report_exact(Context& context, const ExactConfig& config) {
   context.report["builder"] = info(config.builder).name;
 }
 
-void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Subject& subject) {
+void check_exact_budget(const Context& context, const Subject& subject, const ExactConfig& config) {
+  const Scan& scan = *subject.scan();
+  const std::uint64_t primitives = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
+  check_budget(context, primitives * static_cast<std::uint64_t>(info(config.builder).bytes), subject.path,
+               "its hierarchy");
+}
+
+void check_exact_options(const Context& context, const ExactOptions& options, const ExactConfig& config,
+                         const Subject& subject) {
   if (subject.scene()) return;  // whichever of its objects are scans
   if (subject.rbvh()) {
     if (options.tracer || options.builder)
@@ -87,6 +95,7 @@ void check_exact_options(const ExactOptions& options, const ExactConfig& config,
                 std::string("--tracer ") + info(config.traversal).name +
                     " casts triangles only, and this is a cloud; take " + kExactTraversals[0].name);
   }
+  if (subject.scan()) check_exact_budget(context, subject, config);
 }
 
 }  // namespace rbvh

@@ -24,9 +24,13 @@ ExactTraversal parse_tracer(std::string_view name);
 /// builder do not fit.
 ExactConfig exact_config(const ExactOptions& options, std::optional<ExactTraversal> tracer = {});
 
+/// Throws Error(kBudget) where --memory has no room for a scan's hierarchy.
+void check_exact_budget(const Context& context, const Subject& subject, const ExactConfig& config);
+
 /// Throws Error(kUsage) where the words are for a scan and the subject is a pair, or the subject is a cloud
-/// and the tracer takes triangles only.
-void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Subject& subject);
+/// and the tracer takes triangles only; a scan's budget is checked, too.
+void check_exact_options(const Context& context, const ExactOptions& options, const ExactConfig& config,
+                         const Subject& subject);
 
 /// Says in the report how a scan was cast.
 void report_exact(Context& context, const ExactConfig& config);

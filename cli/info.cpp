@@ -53,6 +53,11 @@ std::string bounds_text(const Json& b) {
   return b.is_null() ? "none" : vec_text(b["lo"]) + " to " + vec_text(b["hi"]);
 }
 
+// "1 level": of the JSON's own "levels".
+std::string count(const Json& json, const std::string& noun) {
+  return counted(json[plural(noun)].get<std::uint64_t>(), noun);
+}
+
 // --- pairs
 // --------------------------------------------------------------------------------------------------------
 
@@ -91,9 +96,9 @@ Json level_json(const Level& level, std::uint64_t primitives) {
   return json;
 }
 
-Json pair_json(const std::string& path) {
+Json pair_json(const Context& context, const std::string& path) {
   PairHeader header;
-  const Rbvh rbvh = read_rbvh(path, &header);
+  const Rbvh rbvh = load_pair(context, path, &header);
   const RbvhSource& source = rbvh.source;
   Json json = {
       {"file", path},
@@ -127,9 +132,9 @@ std::string pair_text(const Json& json) {
                      bytes(json["bytes"]) + " (hierarchy " + bytes(json["hierarchy"]["bytes"]) + ", atlas " +
                      bytes(json["atlas"]["bytes"]) + ")\n";
   text += "source   " + string(source["name"]) + " (" + string(source["hash"]) +
-          "): " + string(source["kind"]) + ", " + source["vertices"].dump() + " vertices, " +
-          source["triangles"].dump() + " triangles, area " +
-          fmt::format("{:.6g}", source["area"].get<double>()) + ", units " + string(source["units"]) + "\n";
+          "): " + string(source["kind"]) + ", " + count(source, "vertex") + ", " + count(source, "triangle") +
+          ", area " + fmt::format("{:.6g}", source["area"].get<double>()) + ", units " +
+          string(source["units"]) + "\n";
   text += "bounds   " + bounds_text(source["bounds"]) + "\n";
   text += "shift    " + vec_text(source["shift"]) + "\n";
   text += "options  " + printable(json["build_options"].dump()) + "\n";
@@ -159,20 +164,18 @@ std::string pair_text(const Json& json) {
     if (f.is_null()) continue;
     const auto figure = [&](const char* pointer) { return f.at(Json::json_pointer(pointer)).get<double>(); };
     text += string(level["name"]) + " against its source: mask mismatch " +
-            fmt::format(
-                "{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {} holes, {} leaks, "
-                "{} walls\n",
-                figure("/mask_mismatch_percent"), figure("/median_dt"), figure("/p99_dt"), f["holes"].dump(),
-                f["leaks"].dump(), f["walls"].dump());
+            fmt::format("{:.3g}%, |dt| median {:.2g}, p99 {:.2g} of the diagonal; worst view: {}, {}, {}\n",
+                        figure("/mask_mismatch_percent"), figure("/median_dt"), figure("/p99_dt"),
+                        count(f, "hole"), count(f, "leak"), count(f, "wall"));
     if (f.contains("image"))
       text += fmt::format(
           "   surface distance {:.2g}% rms, {:.2g}% at most; normals {:.2g} degrees (p95 {:.2g}); image RMSE "
-          "{:.3g}, {} of the control's; {} views of {} x {}\n",
+          "{:.3g}, {} of the control's; {} of {} x {}\n",
           std::max(figure("/level_to_scan/rms_percent"), figure("/scan_to_level/rms_percent")),
           std::max(figure("/level_to_scan/max_percent"), figure("/scan_to_level/max_percent")),
           figure("/normal_degrees/median"), figure("/normal_degrees/p95"), figure("/image/rmse"),
           f["image_relative"].is_null() ? "-" : fmt::format("{:.2f}", figure("/image_relative")),
-          f["views"].dump(), f["resolution"].dump(), f["resolution"].dump());
+          count(f, "view"), f["resolution"].dump(), f["resolution"].dump());
   }
   return text;
 }
@@ -226,7 +229,7 @@ std::string proxy_text(const Json& json) {
                      bytes(json["mesh"]["bytes"]) + ", map " + bytes(map["bytes"]) + ")\n";
   text += "source   " + printable(source["name"].get<std::string>()) + " (" +
           source["hash"].get<std::string>() + ")\n";
-  text += "base     " + json["patches"].dump() + " patches, " + json["vertices"].dump() + " vertices, " +
+  text += "base     " + count(json, "patch") + ", " + count(json, "vertex") + ", " +
           bounds_text(json["base_bounds"]) + "\n";
   text += "surface  " + bounds_text(json["bounds"]) + ", displaced by up to " +
           fmt::format("{:.6g}", json["longest_displacement"].get<double>()) + "\n";
@@ -293,21 +296,24 @@ Json scene_json(Context& context, const std::string& path) {
 std::string scene_text(const Json& json) {
   const auto string = [](const Json& value) { return printable(value.get<std::string>()); };
   const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
-  std::string text = string(json["file"]) + ": scene, " + json["instances"].dump() + " instances, " +
-                     json["leaves"].dump() + " leaves, " + bytes(json["bytes"]) + " with all its files\n";
+  std::string text = string(json["file"]) + ": scene, " +
+                     counted(json["instances"].get<std::uint64_t>(), "instance") + ", " +
+                     counted(json["leaves"].get<std::uint64_t>(), "leaf") + ", " + bytes(json["bytes"]) +
+                     " with all its files\n";
   text += "bounds   " + bounds_text(json["bounds"]) + ", up " + string(json["up"]) + "\n";
   for (const Json& object : json["objects"])
-    text += fmt::format("{:<8} {} {}, {} leaves, {}, placed {} times\n", string(object["name"]),
-                        string(object["file"]),
+    text += fmt::format("{:<8} {} {}, {}, {}, placed {}\n", string(object["name"]), string(object["file"]),
                         object["level"].is_null() ? string(object["kind"]) : string(object["level"]),
-                        object["leaves"].dump(), bytes(object["bytes"]), object["instances"].dump());
+                        counted(object["leaves"].get<std::uint64_t>(), "leaf"), bytes(object["bytes"]),
+                        counted(object["instances"].get<std::uint64_t>(), "time"));
   return text;
 }
 
 // --- scans
 // --------------------------------------------------------------------------------------------------------
 
-Json scan_json(const std::string& path) {
+Json scan_json(const Context& context, const std::string& path) {
+  check_read_budget(context, path);
   const RawScan scan = read_scan(path);
   const bool is_mesh = !scan.triangles.empty();
   Bounds3d box;
@@ -347,12 +353,12 @@ Json scan_json(const std::string& path) {
 
 std::string scan_text(const Json& json) {
   std::string text = printable(json["file"].get<std::string>()) + ": " + json["kind"].get<std::string>() +
-                     ", " + json["vertices"].dump() + " vertices, " + json["triangles"].dump() +
-                     " triangles, " + json["objects"].dump() +
-                     (json["objects"] == 1 ? " object" : " objects");
+                     ", " + count(json, "vertex") + ", " + count(json, "triangle") + ", " +
+                     count(json, "object");
   if (json.contains("area")) text += ", area " + fmt::format("{:.6g}", json["area"].get<double>());
   text += "\n";
-  if (json["non_finite"] != 0) text += "not finite  " + json["non_finite"].dump() + " vertices\n";
+  if (json["non_finite"] != 0)
+    text += "not finite  " + counted(json["non_finite"].get<std::uint64_t>(), "vertex") + "\n";
   text += "bounds      " + bounds_text(json["bounds"]) + "\n";
   text += "shift       " + vec_text(json["shift"]) + "\n";
   text += "vertices    position";
@@ -367,10 +373,10 @@ std::string scan_text(const Json& json) {
 
 void run_info(Context& context, const std::string& path, bool as_json) {
   const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path), places = is_scene(path);
-  const Json json = is_pair       ? pair_json(path)
+  const Json json = is_pair       ? pair_json(context, path)
                     : is_of_quads ? proxy_json(path)
                     : places      ? scene_json(context, path)
-                                  : scan_json(path);
+                                  : scan_json(context, path);
   print_data(as_json       ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
              : is_pair     ? pair_text(json)
              : is_of_quads ? proxy_text(json)

@@ -16,6 +16,7 @@ namespace {
 struct IngestOptions {
   std::vector<std::string> inputs;
   IngestConfig config;
+  std::vector<const CLI::Option*> of_clouds;  // that meshes have no use for, beside what ingest() refuses
 };
 
 Outliers parse_outliers(std::string_view text) {
@@ -62,9 +63,7 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
   RawScan all;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     context.progress.update("read", static_cast<double>(i) / static_cast<double>(inputs.size()));
-    std::error_code no_size;
-    const std::uintmax_t size = std::filesystem::file_size(inputs[i], no_size);
-    if (!no_size) check_budget(context, size, inputs[i], "reading it");
+    check_read_budget(context, inputs[i], 1);
     refuse_proxy(inputs[i]);
     RawScan scan = read_scan(inputs[i]);
     for (const std::string& text : scan.notes) warn(context, inputs[i] + ": " + text);
@@ -116,32 +115,32 @@ nlohmann::ordered_json report_json(const IngestReport& counts, const Scan& scan,
 /// "3 duplicate faces, 1 ..."; the ones that are not zero.
 std::string list_counts(const std::vector<std::pair<std::size_t, const char*>>& counts) {
   std::string text;
-  for (const auto& [count, name] : counts)
-    if (count > 0) text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + name;
+  for (const auto& [count, noun] : counts)
+    if (count > 0) text += (text.empty() ? "" : ", ") + counted(count, noun);
   return text;
 }
 
 void note_figures(Context& context, const IngestReport& counts, const Scan& scan) {
   const CleanCounts& gone = counts.cleaned;
-  std::string made = scan.is_cloud() ? std::to_string(counts.vertices_out) + " points"
-                                     : std::to_string(counts.faces_out) + " triangles, " +
-                                           std::to_string(counts.vertices_out) + " vertices";
-  if (counts.objects > 1) made += ", " + std::to_string(counts.objects) + " objects";
+  std::string made =
+      scan.is_cloud() ? counted(counts.vertices_out, "point")
+                      : counted(counts.faces_out, "triangle") + ", " + counted(counts.vertices_out, "vertex");
+  if (counts.objects > 1) made += ", " + counted(counts.objects, "object");
   note(context, context.output + ": " + made);
-  const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertices"},
-                                           {gone.non_finite_faces, "faces at them"},
-                                           {gone.duplicate_vertices, "duplicate vertices"},
-                                           {gone.duplicate_faces, "duplicate faces"},
-                                           {gone.zero_area_faces, "faces without area"},
-                                           {gone.unreferenced_vertices, "unreferenced vertices"},
-                                           {counts.outliers, "outliers"},
-                                           {counts.thinned, "thinned points"},
-                                           {counts.small_components.components, "small components"}});
+  const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertex"},
+                                           {gone.non_finite_faces, "non-finite face"},
+                                           {gone.duplicate_vertices, "duplicate vertex"},
+                                           {gone.duplicate_faces, "duplicate face"},
+                                           {gone.zero_area_faces, "zero-area face"},
+                                           {gone.unreferenced_vertices, "unreferenced vertex"},
+                                           {counts.outliers, "outlier"},
+                                           {counts.thinned, "thinned point"},
+                                           {counts.small_components.components, "small component"}});
   if (!removed.empty()) note(context, "removed: " + removed);
-  const std::string added = list_counts({{counts.cloud.normals_estimated, "normals"},
-                                         {counts.cloud.normals_by_viewpoint, "of them towards a viewpoint"},
-                                         {counts.mesh_normals_completed, "vertex normals"},
-                                         {counts.cloud.radii_estimated, "radii"}});
+  const std::string added = list_counts({{counts.cloud.normals_estimated, "normal"},
+                                         {counts.cloud.normals_by_viewpoint, "viewpoint-facing normal"},
+                                         {counts.mesh_normals_completed, "vertex normal"},
+                                         {counts.cloud.radii_estimated, "radius"}});
   if (!added.empty()) note(context, "estimated: " + added);
   if (scan.shift != Vec3d{}) {
     const nlohmann::json shift = {scan.shift.x, scan.shift.y, scan.shift.z};
@@ -160,6 +159,8 @@ void run_ingest(Context& context, const IngestOptions& options) {
   check_output(context.output, context.force);
   Stopwatch watch;
   RawScan all = read_all(context, options.inputs);
+  if (!all.triangles.empty())
+    refuse_options(options.of_clouds, options.inputs[0], "is for clouds, and this is a mesh");
   const double read_seconds = watch.lap();
   const std::string name = options.inputs.size() == 1 ? options.inputs[0] : "the inputs";
   IngestReport counts;
@@ -192,8 +193,9 @@ void add_ingest(CLI::App& app, Context& context) {
              "thin a cloud to one point a cube of this side, in scan units (default: off)");
   add_parsed(*stage, "--min-component", config.min_component, parse_fraction, "FRACTION",
              "remove connected parts with less than this fraction of all faces or points (default: 0)");
-  add_parsed(*stage, "--normals-k", config.normals_k, parse_neighbors, "K",
-             "neighbours from which a cloud's normals and radii are estimated (default: 16)");
+  options->of_clouds.push_back(
+      add_parsed(*stage, "--normals-k", config.normals_k, parse_neighbors, "K",
+                 "neighbours from which a cloud's normals and radii are estimated (default: 16)"));
   add_parsed(*stage, "--viewpoint", config.viewpoint, parse_vec3, "X,Y,Z",
              "where the scanner stood, in the input's coordinates (default: the file's, else none)");
   stage->add_flag("--recompute-normals", config.recompute_normals,

@@ -1,6 +1,7 @@
 #include "cli/layer_options.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace rbvh {
 namespace {
@@ -32,7 +33,8 @@ std::vector<std::string> parse_layer_names(std::string_view text) {
   return names;
 }
 
-std::vector<Vec3f> read_points(const std::string& path) {
+std::vector<Vec3f> read_points(const Context& context, const std::string& path) {
+  check_read_budget(context, path);
   const FloatTable table = read_npy(path, kPointColumns);
   std::vector<Vec3f> points(table.rows);
   for (std::size_t i = 0; i < table.rows; ++i)
@@ -44,6 +46,19 @@ float parse_distance(std::string_view text) {
   const auto value = static_cast<float>(parse_number(text));
   if (!(value >= 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is below 0");
   return value;
+}
+
+void warn_of_infinite(Context& context, const std::string& file, std::span<const float> values) {
+  const auto infinite = std::count_if(values.begin(), values.end(), [](float v) { return std::isinf(v); });
+  if (infinite > 0)
+    warn(context, file + ": " + counted(static_cast<std::uint64_t>(infinite), "infinite value") +
+                      ", taken for none (as nan is)");
+}
+
+void warn_of_infinite(Context& context, const std::string& file, const Scan& scan,
+                      const std::string& property) {
+  for (const ScalarProperty& each : scan.properties)
+    if (each.name == property) warn_of_infinite(context, file, each.values);
 }
 
 float surface_reach(const Rbvh& rbvh, const std::optional<float>& given) {

@@ -1,6 +1,7 @@
 // What paint, sample and build share about layers.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -18,10 +19,17 @@ std::string parse_layer_name(std::string_view text);
 std::vector<std::string> parse_layer_names(std::string_view text);
 
 /// N x 3 float32; points that are not finite lie on no surface.
-std::vector<Vec3f> read_points(const std::string& path);
+std::vector<Vec3f> read_points(const Context& context, const std::string& path);
 
 /// A distance in scan units, at least 0.
 float parse_distance(std::string_view text);
+
+/// Says how many of the values are infinite, which no layer can hold.
+void warn_of_infinite(Context& context, const std::string& file, std::span<const float> values);
+
+/// The same of a scan's vertex property, where it has one of that name.
+void warn_of_infinite(Context& context, const std::string& file, const Scan& scan,
+                      const std::string& property);
 
 /// How far from a pair's surface a point may lie to be on it, unless told otherwise: 1% of the diagonal,
 /// beyond which a hit is on another piece of surface (leaks and walls).

@@ -6,6 +6,7 @@
 
 #include "cli/common.h"
 #include "cli/measure.h"
+#include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/rbvh_file.h"
@@ -55,7 +56,7 @@ class Lod {
   void run() {
     check_paths_differ(context_, {options_.file, atlas_path(options_.file), options_.against},
                        {context_.output, atlas_path(context_.output)});
-    check_rbvh_output(context_.output, context_.force);
+    check_pair_output(context_);
     Stopwatch watch;
     if (!is_rbvh(options_.file)) throw Error(ExitCode::kInput, options_.file, "is no .rbvh pair");
     pair_ = load_subject(context_, options_.file);
@@ -70,7 +71,6 @@ class Lod {
         options_.most_bytes ? write_within(rbvh) : write_rbvh(context_.output, rbvh, context_.force);
     auto& report = context_.report;
     report["timings"] = {{"load", load_seconds}, {"levels", work_seconds}, {"write", watch.lap()}};
-    report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
     for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
       const Level& level = rbvh.levels[i];
       report["levels"].push_back({{"name", level.name},
@@ -78,8 +78,7 @@ class Lod {
                                   {"bytes", bytes.levels[i]},
                                   {"fidelity", fidelity_json(level.fidelity)}});
     }
-    note(context_, "rbvh lod: wrote " + context_.output + " (" + names_of(rbvh.levels) + ", " +
-                       format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
+    report_pair(context_, context_.output, bytes, names_of(rbvh.levels));
   }
 
  private:
@@ -128,13 +127,10 @@ class Lod {
     for (const Level& level : rbvh.levels)
       if (std::isnan(error_percent(level.fidelity))) levels.push_back(level.name);
     if (options_.against.empty() || levels.empty()) return;
-    Subject exact;
-    exact.path = options_.against;
-    Scan scan = load_exact_scan(context_, options_.against);
-    move_to_shift(scan, rbvh.source.shift);
-    exact.bounds = bounds(scan);
-    exact.is_cloud = scan.is_cloud();
-    exact.content = std::move(scan);
+    const Subject exact = load_against(context_, pair_, options_.against);
+    // Here it is not only said: the pair would keep the figures for good.
+    if (const auto other = find_other_scan(pair_, exact))
+      throw Error(ExitCode::kInput, options_.against, *other);
     MeasureConfig config;
     config.views = options_.views;
     config.images = config.distances = true;
@@ -152,7 +148,9 @@ class Lod {
       if (std::isnan(error))
         throw Error(ExitCode::kInput, options_.file,
                     "level " + rbvh.levels[i].name +
-                        " was not measured; build with --measure, or name the scan with --against");
+                        (options_.against.empty()
+                             ? " was not measured; build with --measure, or name the scan with --against"
+                             : " and " + options_.against + " are hit by no ray both; is it another scan?"));
       least = std::min(least, error);
       if (error <= most) chosen = i;  // finest first: the last one is the smallest
     }
@@ -235,7 +233,7 @@ void add_lod(CLI::App& app, Context& context) {
              "within; as build --measure stored it, or see --against");
   stage->add_option("--against", options->against, "the scan: measures the levels that were not measured yet")
       ->type_name("SCAN");
-  add_views_options(*stage, options->views);
+  add_views_options(*stage, options->views, "--against");
 }
 
 }  // namespace rbvh

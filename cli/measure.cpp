@@ -7,6 +7,7 @@
 #include <limits>
 #include <tuple>
 
+#include "cli/exact_options.h"
 #include "io/image.h"
 #include "pipeline/proxy/proxy_surface.h"
 #include "pipeline/render/difference.h"
@@ -16,6 +17,9 @@ namespace rbvh {
 namespace {
 
 constexpr std::size_t kDistanceSamples = 200'000;
+// While two views are compared: their hits, their pictures, what is made of these.
+constexpr std::uint64_t kBytesPerPixel = 200;
+constexpr std::uint64_t kBytesPerSurfaceTexel = 200;  // two triangles and their hierarchy
 constexpr double kControlOffset = 0.25;  // where in the pixel, both ways; the pictures' own rays are at 0.5
 
 std::uint32_t parse_side(std::string_view text) {
@@ -73,7 +77,10 @@ void measure_distances(Context& context, const Subject& pair, const Scan& scan,
   const ClosestPoint scan_points(scan_surface);
   for (std::size_t i = 0; i < measures.size(); ++i) {
     report(progress, "surface distance", static_cast<double>(i) / static_cast<double>(measures.size()));
-    const TriangleSoup level_surface = surface_of(*pair.rbvh()->find_level(measures[i].level));
+    const Level& level = *pair.rbvh()->find_level(measures[i].level);
+    check_budget(context, level.texels_used * kBytesPerSurfaceTexel, pair.path,
+                 "measuring the distance of its surface");
+    const TriangleSoup level_surface = surface_of(level);
     measures[i].to_scan = sampled_distance(level_surface, scan_points, kDistanceSamples);
     measures[i].to_level = sampled_distance(scan_surface, ClosestPoint(level_surface), kDistanceSamples);
   }
@@ -81,10 +88,12 @@ void measure_distances(Context& context, const Subject& pair, const Scan& scan,
 
 }  // namespace
 
-void add_views_options(CLI::App& stage, ViewsConfig& views) {
-  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)");
+void add_views_options(CLI::App& stage, ViewsConfig& views, const std::string& with) {
+  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)")
+      ->needs(with);
   add_parsed(stage, "--resolution", views.resolution, parse_side, "N",
-             "pixels of such a view, both ways (default: 1024)");
+             "pixels of such a view, both ways (default: 1024)")
+      ->needs(with);
 }
 
 void move_to_shift(Scan& scan, const Vec3d& shift) {
@@ -94,9 +103,39 @@ void move_to_shift(Scan& scan, const Vec3d& shift) {
   scan.shift = shift;
 }
 
+Subject load_against(Context& context, const Subject& pair, const std::string& path) {
+  Scan scan = load_exact_scan(context, path);
+  move_to_shift(scan, pair.rbvh()->source.shift);
+  Subject exact;
+  exact.path = path;
+  exact.bounds = bounds(scan);
+  exact.is_cloud = scan.is_cloud();
+  exact.content = std::move(scan);
+  return exact;
+}
+
+std::optional<std::string> find_other_scan(const Subject& pair, const Subject& exact) {
+  const RbvhSource& source = pair.rbvh()->source;
+  if (std::max(length(exact.bounds.lo - source.bounds.lo), length(exact.bounds.hi - source.bounds.hi)) <=
+      0.05f * source.bounds.diagonal())
+    return {};
+  const auto size = [](std::uint64_t vertices, std::uint64_t triangles) {
+    return triangles > 0 ? counted(triangles, "triangle") : counted(vertices, "point");
+  };
+  return fmt::format(
+      "does not lie where the scan that {} was built of does; is it another? It has {}, and {} had {}",
+      pair.path, size(exact.scan()->positions.size(), exact.scan()->triangles.size()), source.name,
+      size(source.vertices, source.triangles));
+}
+
 std::vector<LevelMeasure> measure_levels(Context& context, const Device& device, const Subject& pair,
                                          const Subject& exact, const std::vector<std::string>& levels,
                                          const MeasureConfig& config) {
+  check_budget(context,
+               std::uint64_t{config.views.resolution} * config.views.resolution *
+                   (kBytesPerPixel + levels.size() * static_cast<std::uint64_t>(config.views.views)),
+               exact.path, "comparing views of that resolution");
+  check_exact_budget(context, exact, {});
   const Caster exact_caster = make_caster(device, exact, "exact");
   std::vector<LevelMeasure> measures;
   std::vector<CastView> casts;

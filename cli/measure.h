@@ -30,12 +30,18 @@ struct LevelMeasure {
   double texel = 0;                      ///< mean side, scan units
 };
 
-/// --views and --resolution.
-void add_views_options(CLI::App& stage, ViewsConfig& views);
+/// --views and --resolution, which go with the option named `with`.
+void add_views_options(CLI::App& stage, ViewsConfig& views, const std::string& with);
 
 /// Into the pair's coordinates, where the scan was read with another shift: an ingested scan's own may differ
 /// from that of the file it came from.
 void move_to_shift(Scan& scan, const Vec3d& shift);
+
+/// The scan that `pair` is to be measured against, in its coordinates.
+Subject load_against(Context& context, const Subject& pair, const std::string& path);
+
+/// In words, where such a scan does not lie where the one that the pair was built of did; else nothing.
+std::optional<std::string> find_other_scan(const Subject& pair, const Subject& exact);
 
 /// `levels` as of choose_levels(pair). Both subjects are in the same coordinates.
 std::vector<LevelMeasure> measure_levels(Context& context, const Device& device, const Subject& pair,

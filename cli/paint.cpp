@@ -5,6 +5,7 @@
 #include "cli/common.h"
 #include "cli/layer_options.h"
 #include "cli/measure.h"
+#include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
 #include "pipeline/rbvh/layers.h"
@@ -25,9 +26,10 @@ struct Paint {
   FloatTable values;
 };
 
-Paint read_paint(const PaintOptions& options) {
+Paint read_paint(const Context& context, const PaintOptions& options) {
   static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
-  Paint paint{read_points(options.points), read_npy(options.values, kColumns)};
+  check_read_budget(context, options.values);
+  Paint paint{read_points(context, options.points), read_npy(options.values, kColumns)};
   if (paint.values.rows != paint.points.size())
     throw Error(ExitCode::kInput, options.values,
                 "has " + std::to_string(paint.values.rows) + " rows for the " +
@@ -66,11 +68,13 @@ void run_paint(Context& context, const PaintOptions& options) {
     throw Error(ExitCode::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
   // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
   const std::string output = context.output.empty() ? options.file : context.output;
-  if (output != options.file)
-    check_paths_differ(context,
-                       {options.file, atlas_path(options.file), options.points, options.values, options.scan},
-                       {output, atlas_path(output)});
-  check_rbvh_output(output, context.force);
+  std::vector<std::string> inputs = {options.points, options.values, options.scan};
+  if (output != options.file) inputs.insert(inputs.end(), {options.file, atlas_path(options.file)});
+  check_paths_differ(context, inputs, {output, atlas_path(output)});
+  if (context.output.empty())
+    check_rbvh_output(output, context.force);
+  else
+    check_pair_output(context);
   if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
 
   Stopwatch watch;
@@ -79,12 +83,14 @@ void run_paint(Context& context, const PaintOptions& options) {
   if (from_scan)
     scan = load_exact_scan(context, options.scan);
   else
-    paint = read_paint(options);
+    paint = read_paint(context, options);
   Subject pair = load_subject(context, options.file);
   Rbvh& rbvh = std::get<Rbvh>(pair.content);
   move_to_shift(scan, rbvh.source.shift);
+  from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
+            : warn_of_infinite(context, options.values, paint.values.values);
   const std::vector<std::string> levels =
-      choose_levels(pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+      choose_levels(context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
   const double load_seconds = watch.lap();
   PaintCounts counts;
   std::optional<Device> device;
@@ -110,7 +116,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   if (counts.points_missed > 0)
     warn(context, options.points + ": " + std::to_string(counts.points_missed) + " of " +
                       std::to_string(paint.points.size()) +
-                      " points are further from the surface than --reach; they paint nothing");
+                      " points paint nothing: further from the surface than --reach");
   const double paint_seconds = watch.lap();
   const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
   auto& report = context.report;
@@ -118,9 +124,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   report["timings"] = {{"load", load_seconds}, {"paint", paint_seconds}, {"write", watch.lap()}};
   report["counts"] = {
       {"points", paint.points.size()}, {"missed", counts.points_missed}, {"texels", counts.texels}};
-  report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
-  note(context, "rbvh paint: wrote " + output + " (layer " + options.layer + ", " +
-                    format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
+  report_pair(context, output, bytes, "layer " + options.layer);
 }
 
 }  // namespace
@@ -152,11 +156,13 @@ void add_paint(CLI::App& app, Context& context) {
   stage
       ->add_option("--scan", options->scan,
                    "instead of points: the scan's vertex property of the layer's name, everywhere")
+      ->excludes("--radius")
       ->type_name("SCAN");
   add_parsed(*stage, "--layer-scale", options->scale, parse_layer_scale, "S",
              "of a new layer: its texels to one of the heights', 0.0625 to 16 (default: 1)");
   add_parsed(*stage, "--reach", options->reach, parse_distance, "D",
-             "how far from the surface a point may lie, scan units (default: 1% of the diagonal)");
+             "how far from the surface a point may lie, scan units (default: 1% of the diagonal)")
+      ->excludes("--scan");
   add_level_option(*stage, options->levels, true);
 }
 

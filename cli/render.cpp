@@ -10,6 +10,7 @@
 #include "cli/name_template.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
+#include "io/cameras_file.h"
 #include "io/image.h"
 #include "io/output_file.h"
 #include "pipeline/rbvh/layers.h"
@@ -29,8 +30,7 @@ struct RenderOptions {
   Aov aov = Aov::kShaded;
   std::string color_layer;  // empty: the surface's own colours
   int samples = 0;          // 0: the AOV's default
-  SceneConfig scene;
-  std::optional<std::uint32_t> tessellate;  // the level
+  ProxyCastOptions proxies;
 };
 
 Aov parse_aov(std::string_view text) {
@@ -47,14 +47,6 @@ std::vector<ExactTraversal> parse_compared(std::string_view text) {
     throw Error(ExitCode::kUsage, "",
                 "'" + std::string(text) + "' is not two tracers, such as wide16,bvh-stack");
   return tracers;
-}
-
-std::uint32_t parse_tessellate(std::string_view text) {
-  const std::int64_t level = parse_integer(text);
-  if (level < 0 || level > PATCH_MOST_LEVEL)
-    throw Error(ExitCode::kUsage, "",
-                "'" + std::string(text) + "' is not between 0 and " + std::to_string(PATCH_MOST_LEVEL));
-  return static_cast<std::uint32_t>(level);
 }
 
 int parse_samples(std::string_view text) {
@@ -93,6 +85,13 @@ void check_names(const RenderOptions& options, const NameTemplate& names, std::s
       refuse_same_name(file);
 }
 
+// Options that the pictures asked for have no use for.
+void check_use(const RenderOptions& options) {
+  if (options.aov != Aov::kShaded && (options.samples > 0 || !options.color_layer.empty()))
+    throw Error(ExitCode::kUsage, "", "--samples and --color-layer are for shaded pictures");
+  check_proxy_options(options.proxies, options.files);
+}
+
 // Where in the pixel the ray of a sample passes: Hammersley's points; the centre for a single one.
 std::pair<double, double> sample_offset(int sample, int samples) {
   double y = 0, digit = 0.5;
@@ -127,6 +126,7 @@ class Renderer {
       words_ = read_cameras(options_.camera.cameras_path, options_.camera.words);
     check_paths_differ(context_, options_.files, {context_.output});
     check_names(options_, names_, words_.size() * static_cast<std::size_t>(turns));
+    check_use(options_);
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
     check_budget(context_, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
@@ -140,17 +140,17 @@ class Renderer {
 
   void render_file(const std::string& path) {
     Stopwatch watch;
-    const Subject subject = load_subject(context_, path, options_.tessellate);
+    const Subject subject = load_subject(context_, path, options_.proxies.tessellate);
     if (!subject.scan() && !options_.compared.empty())
       throw Error(ExitCode::kUsage, path,
                   std::string("--compare is for scans; this is a ") + (subject.rbvh() ? "pair" : "scene"));
-    for (const ExactConfig& config : configs_) check_exact_options(options_.exact, config, subject);
+    for (const ExactConfig& config : configs_) check_exact_options(context_, options_.exact, config, subject);
     for (const ExactConfig& config : configs_) {
-      SceneConfig scene = options_.scene;
+      SceneConfig scene = options_.proxies.scene;
       scene.exact = config;
       check_cast_budget(context_, subject, scene);
     }
-    const std::vector<std::string> levels = choose_levels(subject, options_.levels, true);
+    const std::vector<std::string> levels = choose_levels(context_, subject, options_.levels, true);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
     for (const std::string& level : levels) {
@@ -177,7 +177,7 @@ class Renderer {
       watch.lap();
       std::vector<Caster> casters;
       for (const ExactConfig& config : configs_) {
-        SceneConfig scene = options_.scene;
+        SceneConfig scene = options_.proxies.scene;
         scene.exact = config;
         casters.push_back(make_caster(*device_, subject, level, scene));
         if (!subject.scan()) break;
@@ -288,7 +288,7 @@ class Renderer {
                                  {"mrays_per_second", mrays_per_second(counts_.rays, timings_.trace)}};
     if (!options_.compared.empty()) {
       context_.report["counts"]["differing_pixels"] = counts_.differing;
-      note(context_, "rbvh render: " + std::to_string(counts_.differing) + " pixels differ");
+      note(context_, "rbvh render: " + counted(counts_.differing, "differing pixel"));
     }
     context_.report["bytes"] = counts_.bytes;
   }
@@ -318,17 +318,17 @@ void add_render(CLI::App& app, Context& context) {
   add_parsed(*stage, "--aov", options->aov, parse_aov, "WHAT",
              "shaded (default), normal, depth, position, leaf or steps; depth and position go to .exr");
   add_exact_options(*stage, options->exact);
-  add_parsed(*stage, "--compare", options->compared, parse_compared, "A,B",
-             "where two tracers' hits differ, instead of a picture of the scan")
-      ->excludes("--aov")
-      ->excludes("--tracer");
   add_parsed(*stage, "--samples", options->samples, parse_samples, "N",
              "rays a pixel of a shaded picture (default: 4); 1 is the pixel's centre");
   add_parsed(*stage, "--color-layer", options->color_layer, parse_layer_name, "NAME",
              "shades a pair in the colours of a layer of your own: from dark blue (least) to yellow (most)");
-  add_proxy_options(*stage, options->scene, true);
-  add_parsed(*stage, "--tessellate", options->tessellate, parse_tessellate, "N",
-             "proxies as triangles instead, of at most 2^N micro-quads a side of a patch");
+  add_parsed(*stage, "--compare", options->compared, parse_compared, "A,B",
+             "where two tracers' hits differ, instead of a picture of the scan")
+      ->excludes("--aov")
+      ->excludes("--tracer")
+      ->excludes("--samples")
+      ->excludes("--color-layer");
+  add_proxy_options(*stage, options->proxies, true);
   add_camera_options(*stage, options->camera);
 }
 

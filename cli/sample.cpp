@@ -23,9 +23,9 @@ void run_sample(Context& context, const SampleOptions& options) {
   check_output(context.output, context.force);
   if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
   Stopwatch watch;
-  const std::vector<Vec3f> points = read_points(options.points);
+  const std::vector<Vec3f> points = read_points(context, options.points);
   const Subject pair = load_subject(context, options.file);
-  const Level& level = *pair.rbvh()->find_level(choose_levels(pair, options.levels).front());
+  const Level& level = *pair.rbvh()->find_level(choose_levels(context, pair, options.levels).front());
   const Layer* layer = find_layer(level, options.layer);
   if (layer == nullptr) {
     std::string there;
@@ -43,7 +43,7 @@ void run_sample(Context& context, const SampleOptions& options) {
   std::uint64_t missed = 0;
   for (std::size_t i = 0; i < values.size(); i += width) missed += std::isnan(values[i]);
   if (missed > 0)
-    detail(context, "rbvh sample: " + std::to_string(missed) + " points lie where the layer has no value");
+    detail(context, "rbvh sample: " + counted(missed, "point") + " where the layer has no value");
   context.report["device"] = device_json(device.info());
   context.report["timings"] = {{"load", load_seconds}, {"sample", sample_seconds}, {"write", watch.lap()}};
   context.report["counts"] = {{"points", points.size()}, {"without_value", missed}};

@@ -24,13 +24,11 @@ namespace fs = std::filesystem;
 
 // A scan is in memory as the file's bytes, as doubles and as floats.
 constexpr std::uint64_t kScanBytesPerFileByte = 3;
-// An atlas is compressed on disk; a pair is checked, unpacked and laid out for the device.
-constexpr std::uint64_t kPairBytesPerFileByte = 6;
+// A hierarchy is checked, unpacked and laid out for the device.
+constexpr std::uint64_t kPairBytesPerFileByte = 4;
 // A map is in memory as it was read and on the device; compressed to half on disk.
 constexpr std::uint64_t kProxyBytesPerFileByte = 5;
 constexpr std::uint64_t kBytesPerTwinTriangle = 120;  // mesh, hierarchy and what builds it
-// In memory, its hierarchy, and what builds that, as measured.
-constexpr std::uint64_t kBytesPerCastPrimitive = 250, kBytesPerKdPrimitive = 400;
 constexpr std::uint64_t kBytesPerPatch = 400;
 constexpr std::uint64_t kMostNumbers = 1u << 24;
 constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
@@ -42,7 +40,7 @@ std::uint64_t file_bytes(const std::string& path) {
 }
 
 std::uint64_t bytes_to_read(const std::string& path) {
-  if (is_rbvh(path)) return (file_bytes(path) + file_bytes(atlas_path(path))) * kPairBytesPerFileByte;
+  if (is_rbvh(path)) return file_bytes(path) * kPairBytesPerFileByte + file_bytes(atlas_path(path));
   if (is_proxy(path)) return (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte;
   return file_bytes(path) * kScanBytesPerFileByte;
 }
@@ -53,9 +51,26 @@ const Level& level_of(const Subject& subject, const std::string& level) {
   return *found;
 }
 
-Rbvh load_pair(Context& context, const std::string& path) {
-  check_budget(context, bytes_to_read(path), path, "reading it");
-  return read_rbvh(path);
+std::vector<std::string> parse_level_list(std::string_view text) {
+  try {
+    return parse_list(text);
+  } catch (const Error& error) {
+    throw Error(ExitCode::kUsage, "", std::string("--level: ") + error.what());
+  }
+}
+
+double parse_pixels(std::string_view text) {
+  const double pixels = parse_number(text);
+  if (!(pixels > 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  return pixels;
+}
+
+std::uint32_t parse_tessellate(std::string_view text) {
+  const std::int64_t level = parse_integer(text);
+  if (level < 0 || level > PATCH_MOST_LEVEL)
+    throw Error(ExitCode::kUsage, "",
+                "'" + std::string(text) + "' is not between 0 and " + std::to_string(PATCH_MOST_LEVEL));
+  return static_cast<std::uint32_t>(level);
 }
 
 /// A proxy or, where it is to be tessellated, a scan.
@@ -119,9 +134,27 @@ Scene load_scene(Context& context, const std::string& path, std::optional<std::u
 bool is_rbvh(const std::string& path) {
   if (path == "-") return false;
   if (fs::path(path).extension() == ".rbvh") return true;
+  std::error_code code;
+  if (!fs::is_regular_file(path, code)) return false;  // a pipe's first bytes could not be put back
   char start[8] = {};
   std::ifstream(path, std::ios::binary).read(start, sizeof start);
   return std::memcmp(start + 4, "RBVH", 4) == 0;  // where FlatBuffers keep their file identifier
+}
+
+Rbvh load_pair(const Context& context, const std::string& path, PairHeader* header) {
+  const std::uint64_t read = bytes_to_read(path);
+  check_budget(context, read, path, "reading it");
+  return read_rbvh(path, header, [&](const Rbvh& rbvh) {
+    std::uint64_t texels = 0;  // bytes of them; the heights are on the device, too
+    for (const Level& level : rbvh.levels) {
+      texels += std::uint64_t{level.atlas_width} * level.atlas_height * sizeof(std::uint16_t);
+      for (const Layer& layer : level.layers) {
+        const auto [width, height] = atlas_size(level, layer);
+        texels += std::uint64_t{width} * height * layer.channels * sizeof(std::uint16_t);
+      }
+    }
+    check_budget(context, read + texels, path, "reading it");
+  });
 }
 
 Scan load_exact_scan(Context& context, const std::string& path) {
@@ -166,10 +199,14 @@ Subject load_subject(Context& context, const std::string& path, std::optional<st
   return subject;
 }
 
-std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
-                                       bool has_auto) {
+std::vector<std::string> choose_levels(Context& context, const Subject& subject,
+                                       const std::vector<std::string>& wanted, bool has_auto) {
   const Rbvh* rbvh = subject.rbvh();
-  if (!rbvh) return {subject.scan() ? "exact" : "scene"};
+  if (!rbvh) {
+    if (!wanted.empty())
+      note(context, "rbvh " + context.stage + ": " + subject.path + " has no levels; --level is ignored");
+    return {subject.scan() ? "exact" : "scene"};
+  }
   std::vector<std::string> present;
   for (const Level& level : rbvh->levels) present.push_back(level.name);
   if (wanted.empty()) return {present.front()};
@@ -208,26 +245,20 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
 }
 
 void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config) {
-  std::uint64_t bytes = 0;
+  const Scene* scene = subject.scene();
+  if (scene == nullptr) return;
+  std::uint64_t bytes = scene->instances.size() * (sizeof(SceneInstance) + sizeof(ExactNode));
   bool has_proxy = false;
-  const auto add_scan = [&](const Scan& scan) {
-    const bool is_kd = info(config.exact.traversal).tree == TreeKind::kKd;
-    bytes += (scan.is_cloud() ? scan.positions.size() : scan.triangles.size()) *
-             (is_kd ? kBytesPerKdPrimitive : kBytesPerCastPrimitive);
-  };
-  if (const Scan* scan = subject.scan()) add_scan(*scan);
-  if (const Scene* scene = subject.scene()) {
-    for (const SceneObject& object : scene->objects) {
-      if (object.scan() != nullptr) add_scan(*object.scan());
-      if (const Level* level = object.level(); level != nullptr && !level->layers.empty())
-        bytes += level->layers[0].texels.size() * sizeof(std::uint16_t);
-      if (const Proxy* proxy = object.proxy()) {
-        has_proxy = true;
-        bytes +=
-            2 * proxy->map.size() * sizeof(Vec3f) + proxy->quads.size() * kBytesPerPatch;  // here, and there
-      }
+  for (const SceneObject& object : scene->objects) {
+    if (object.scan() != nullptr) {
+      bytes += leaf_count(object) * static_cast<std::uint64_t>(info(config.exact.builder).bytes);
+    } else if (const Level* level = object.level()) {
+      if (!level->layers.empty()) bytes += level->layers[0].texels.size() * sizeof(std::uint16_t);
+    } else {
+      const Proxy& proxy = *object.proxy();
+      has_proxy = true;
+      bytes += 2 * proxy.map.size() * sizeof(Vec3f) + proxy.quads.size() * kBytesPerPatch;  // here, and there
     }
-    bytes += scene->instances.size() * (sizeof(SceneInstance) + sizeof(ExactNode));
   }
   if (has_proxy) bytes += config.proxy.cache_bytes;
   check_budget(context, bytes, subject.path, "casting rays at it");
@@ -312,30 +343,23 @@ void for_each_file(Context& context, const std::vector<std::string>& paths,
         std::to_string(failed) + " of " + std::to_string(paths.size()) + " files failed, as said above");
 }
 
-void add_proxy_options(CLI::App& stage, SceneConfig& config, bool pictures) {
-  stage
-      .add_option_function<std::string>(
-          "--patch-cache",
-          [&config](const std::string& text) {
-            try {
-              config.proxy.cache_bytes = parse_bytes(text);
-            } catch (const Error& error) {
-              throw Error(ExitCode::kUsage, "", std::string("--patch-cache: ") + error.what());
-            }
-          },
-          "most that proxies' patch hierarchies may take on the device at once (default: 256M)")
-      ->type_name("SIZE");
+void add_proxy_options(CLI::App& stage, ProxyCastOptions& options, bool pictures) {
+  options.declared.push_back(
+      add_parsed(stage, "--patch-cache", options.scene.proxy.cache_bytes, parse_bytes, "SIZE",
+                 "most that proxies' patch hierarchies may take on the device at once (default: 256M)"));
   if (!pictures) return;
-  stage
-      .add_option_function<std::string>(
-          "--detail",
-          [&config](const std::string& text) {
-            config.pixels = parse_number(text);
-            if (!(config.pixels > 0))
-              throw Error(ExitCode::kUsage, "", "--detail: '" + text + "' is not above 0");
-          },
-          "pixels that a proxy's micro-quads may measure (default: 1)")
-      ->type_name("PIXELS");
+  options.declared.push_back(add_parsed(stage, "--detail", options.scene.pixels, parse_pixels, "PIXELS",
+                                        "pixels that a proxy's micro-quads may measure (default: 1)"));
+  options.declared.push_back(
+      add_parsed(stage, "--tessellate", options.tessellate, parse_tessellate, "N",
+                 "proxies as triangles instead, of at most 2^N micro-quads a side of a patch"));
+}
+
+void check_proxy_options(const ProxyCastOptions& options, const std::vector<std::string>& files) {
+  if (std::any_of(files.begin(), files.end(),
+                  [](const std::string& file) { return is_scene(file) || is_proxy(file); }))
+    return;
+  refuse_options(options.declared, files.front(), "is for proxies and scenes, and this is neither");
 }
 
 void report_proxies(Context& context, const Caster& caster) {
@@ -354,19 +378,20 @@ void report_proxies(Context& context, const Caster& caster) {
                                {"cached_bytes", b.cached}};
 }
 
-void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {
+CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {
   CLI::Option* option = stage.add_option_function<std::vector<std::string>>(
       "--level",
       [&levels, several](const std::vector<std::string>& words) {
         for (const std::string& word : words)
-          for (const std::string& name : parse_list(word)) levels.push_back(name);
-        if (!several && levels.size() > 1) throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
+          for (const std::string& name : parse_level_list(word)) levels.push_back(name);
+        if (!several && (levels.size() > 1 || levels[0] == "all"))
+          throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
       },
       several ? "levels with commas between, or all (default: the finest; paint and validate: all); of "
                 "render also "
                 "auto: for each ray the coarsest whose texels a pixel covers"
               : "the level to use (default: the finest)");
-  option->type_name(several ? "Q0,Q1" : "Q0")->allow_extra_args(false);
+  return option->type_name(several ? "Q0,Q1" : "Q0")->allow_extra_args(false);
 }
 
 }  // namespace rbvh

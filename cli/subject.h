@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cli/common.h"
+#include "io/rbvh_file.h"
 #include "pipeline/exact/trace_exact.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/rbvh/trace_footprint.h"
@@ -38,6 +39,9 @@ struct Subject {
 /// True for a file that starts as an .rbvh does, or is named as one.
 bool is_rbvh(const std::string& path);
 
+/// Reads a pair, its texels once it is known that --memory has room for them.
+Rbvh load_pair(const Context& context, const std::string& path, PairHeader* header = nullptr);
+
 /// Reads a pair, a scan ("-": from standard input), a proxy or a scene and all its objects. A cloud gets the
 /// normals and radii that it lacks. `tessellate`: proxies become triangles, up to 2^tessellate micro-quads a
 /// side of a patch. Throws Error(kInput), also where nothing finite is left or all points are equal.
@@ -47,17 +51,18 @@ Subject load_subject(Context& context, const std::string& path, std::optional<st
 Scan load_exact_scan(Context& context, const std::string& path);
 
 /// The names of the levels to show: `wanted` may be empty (the finest) or hold "all". For a scan: "exact";
-/// for proxies and scenes: "scene". Throws Error(kUsage) for a level that is not there. With `has_auto`,
-/// "auto" (alone) is one: each ray sees the level that its footprint asks for.
-std::vector<std::string> choose_levels(const Subject& subject, const std::vector<std::string>& wanted,
-                                       bool has_auto = false);
+/// for proxies and scenes: "scene"; what is wanted is ignored there, with a note. Throws Error(kUsage) for a
+/// level that is not there. With `has_auto`, "auto" (alone) is one: each ray sees the level that its
+/// footprint asks for.
+std::vector<std::string> choose_levels(Context& context, const Subject& subject,
+                                       const std::vector<std::string>& wanted, bool has_auto = false);
 
 /// Throws Error(kInput) where leaves or primitives are more than a float32 can number, as trace and `leaf`
 /// pictures do.
 void check_leaf_numbers(const Subject& subject, const std::string& level);
 
-/// Throws Error(kBudget) where what casting takes beside the files is over --memory: hierarchies of scans,
-/// maps of proxies, their patch cache.
+/// Throws Error(kBudget) where what casting at a scene takes beside the files is over --memory: hierarchies
+/// of scans, maps of proxies, their patch cache. (check_exact_options() sees to a scan alone.)
 void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config);
 
 using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer, SceneTracer>;
@@ -82,13 +87,23 @@ std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
 void for_each_file(Context& context, const std::vector<std::string>& paths,
                    const std::function<void(const std::string&)>& work);
 
-/// --patch-cache and, where pictures are made, --detail.
-void add_proxy_options(CLI::App& stage, SceneConfig& config, bool pictures);
+/// How proxies are cast.
+struct ProxyCastOptions {
+  SceneConfig scene;
+  std::optional<std::uint32_t> tessellate;   ///< as triangles, of that level
+  std::vector<const CLI::Option*> declared;  ///< all of them
+};
+
+/// --patch-cache and, where pictures are made, --detail and --tessellate.
+void add_proxy_options(CLI::App& stage, ProxyCastOptions& options, bool pictures);
+
+/// Throws Error(kUsage) where one of them is given and none of the files is a proxy or a scene.
+void check_proxy_options(const ProxyCastOptions& options, const std::vector<std::string>& files);
 
 /// Says in the report what casting proxies took. Nothing where there are none.
 void report_proxies(Context& context, const Caster& caster);
 
 /// --level: given several times, or with commas, or "all".
-void add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);
+CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);
 
 }  // namespace rbvh

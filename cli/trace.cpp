@@ -31,7 +31,7 @@ struct TraceOptions {
   std::vector<std::string> levels;
   ExactOptions exact;
   std::optional<double> cone;  // degrees
-  SceneConfig scene;
+  ProxyCastOptions proxies;
   bool any = false;
 };
 
@@ -75,19 +75,23 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
 
 void run_trace(Context& context, const TraceOptions& options) {
   const ExactConfig exact = exact_config(options.exact);
+  if ((options.levels == std::vector<std::string>{"auto"}) != options.cone.has_value())
+    throw Error(ExitCode::kUsage, "", "--level auto and --cone go together");
+  check_proxy_options(options.proxies, {options.file});
   check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
   Stopwatch watch;
+  check_read_budget(context, options.rays);
   const FloatTable rays = read_npy(options.rays, kRayColumns);
   const Subject subject = load_subject(context, options.file);
-  check_exact_options(options.exact, exact, subject);
-  const std::string level = choose_levels(subject, options.levels, true).front();
-  if ((level == "auto") != options.cone.has_value() && subject.rbvh())
-    throw Error(ExitCode::kUsage, "", "--level auto and --cone go together");
+  check_exact_options(context, options.exact, exact, subject);
+  if (options.cone && !subject.rbvh())
+    throw Error(ExitCode::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
+  const std::string level = choose_levels(context, subject, options.levels, true).front();
   check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,
                "its rays and hits");
-  SceneConfig config = options.scene;
+  SceneConfig config = options.proxies.scene;
   config.exact = exact;
   check_cast_budget(context, subject, config);
   const double load_seconds = watch.lap();
@@ -135,8 +139,8 @@ void run_trace(Context& context, const TraceOptions& options) {
   }
   write_npy(context.output, table, kHitColumns, context.force);
   if (unusable > 0)
-    warn(context, options.rays + ": " + std::to_string(unusable) +
-                      " rays are not finite or have no direction; they miss");
+    warn(context, options.rays + ": " + counted(unusable, "ray") +
+                      " not finite or without a direction; taken for misses");
   context.report["device"] = device_json(device.info());
   if (subject.scan()) report_exact(context, exact);
   report_proxies(context, caster);
@@ -172,7 +176,7 @@ void add_trace(CLI::App& app, Context& context) {
              "with --level auto: how wide rays are, full angle; each sees the coarsest level whose texels it "
              "covers");
   add_exact_options(*stage, options->exact);
-  add_proxy_options(*stage, options->scene, false);
+  add_proxy_options(*stage, options->proxies, false);
 }
 
 }  // namespace rbvh

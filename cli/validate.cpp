@@ -26,6 +26,7 @@ struct ValidateOptions {
   ViewsConfig views;
   std::string pictures;
   bool as_json = false;
+  std::vector<const CLI::Option*> of_pairs;  // options that proxies have no use for
 };
 
 Json pair_json(const Rbvh& rbvh) {
@@ -102,20 +103,10 @@ void compare_with_stored(Context& context, const std::string& path, const Level&
 }
 
 Json measure(Context& context, const ValidateOptions& options, const Subject& pair) {
-  Subject exact;
-  exact.path = options.against;
-  Scan scan = load_exact_scan(context, options.against);
-  move_to_shift(scan, pair.rbvh()->source.shift);
-  exact.bounds = bounds(scan);
-  const Bounds3f& built = pair.rbvh()->source.bounds;
-  if (std::max(length(exact.bounds.lo - built.lo), length(exact.bounds.hi - built.hi)) >
-      0.05f * built.diagonal())
-    warn(context,
-         options.against + ": does not lie where the pair's scan does; is the pair built from another?");
-  exact.is_cloud = scan.is_cloud();
-  exact.content = std::move(scan);
+  const Subject exact = load_against(context, pair, options.against);
+  if (const auto other = find_other_scan(pair, exact)) warn(context, options.against + ": " + *other);
   const std::vector<std::string> levels =
-      choose_levels(pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+      choose_levels(context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
   MeasureConfig config;
   config.views = options.views;
   config.images = config.distances = true;
@@ -201,7 +192,7 @@ Json scene_json(const Scene& scene) {
 }
 
 // What is to be said of a file that is whole; throws its first fault.
-Json check_file(const std::string& file, const std::optional<Subject>& subject,
+Json check_file(const Context& context, const std::string& file, const std::optional<Subject>& subject,
                 const std::optional<Proxy>& proxy) {
   Json json = {{"file", file}, {"valid", true}};
   if (subject && subject->scene()) {
@@ -211,6 +202,7 @@ Json check_file(const std::string& file, const std::optional<Subject>& subject,
   } else if (proxy) {
     json.update(proxy_json(*proxy));
   } else {
+    check_read_budget(context, file);
     const RawScan scan = read_scan(file);
     json.update({{"kind", scan.triangles.empty() ? "cloud" : "mesh"},
                  {"vertices", scan.positions.size()},
@@ -221,8 +213,10 @@ Json check_file(const std::string& file, const std::optional<Subject>& subject,
 
 std::string file_text(const Json& json) {
   std::string text;
-  for (const auto& [name, value] : json.items())
-    if (value.is_number()) text += (text.empty() ? "" : ", ") + value.dump() + " " + name;
+  for (const std::string noun :
+       {"object", "instance", "level", "leaf", "patch", "texel", "vertex", "triangle"})
+    if (const auto count = json.find(plural(noun)); count != json.end())
+      text += (text.empty() ? "" : ", ") + counted(count->get<std::uint64_t>(), noun);
   return json["file"].get<std::string>() + ": whole (" + text + ")\n";
 }
 
@@ -236,6 +230,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
     throw Error(ExitCode::kUsage, options.file,
                 std::string("--against compares the levels of an .rbvh, or a proxy, and this is a ") +
                     (places ? "scene" : "scan"));
+  if (!is_pair) refuse_options(options.of_pairs, options.file, "is for pairs, and this is none");
   std::optional<Subject> subject;  // a pair, or a scene with all its files
   std::optional<Proxy> proxy;
   ProxyHeader header;
@@ -243,7 +238,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
   try {
     if (is_pair || places) subject = load_subject(context, options.file);
     if (is_of_quads) proxy = load_proxy(options.file, &header);
-    json = check_file(options.file, subject, proxy);
+    json = check_file(context, options.file, subject, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.code() == ExitCode::kInput)
       print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
@@ -280,12 +275,15 @@ void add_validate(CLI::App& app, Context& context) {
       ->add_option("--against", options->against,
                    "the scan: casts the same rays at both, from views around the object")
       ->type_name("SCAN");
-  add_level_option(*stage, options->levels, true);
-  add_views_options(*stage, options->views);
+  add_level_option(*stage, options->levels, true)->needs("--against");
+  add_views_options(*stage, options->views, "--against");
   stage
       ->add_option("--pictures", options->pictures,
                    "a folder for pictures of the differences, <level>-<view>.png")
+      ->needs("--against")
       ->type_name("FOLDER");
+  for (const char* name : {"--level", "--views", "--resolution", "--pictures"})
+    options->of_pairs.push_back(stage->get_option(name));
   stage->add_flag("-f,--force", context.force, "overwrite pictures that are there");
   stage->add_flag("--json", options->as_json, "as JSON");
 }

@@ -35,7 +35,7 @@ InputBytes read_input(const std::string& path) {
   struct stat status {};
   if (::fstat(in.fd, &status) != 0)
     throw Error(ExitCode::kInput, name, std::string("cannot be read: ") + std::strerror(errno));
-  if (S_ISDIR(status.st_mode)) throw Error(ExitCode::kInput, name, "is a folder; name a scan file in it");
+  if (S_ISDIR(status.st_mode)) throw Error(ExitCode::kInput, name, "is a folder; name a file in it");
 
   InputBytes bytes;
   // One byte more than the file has, so that its end is seen without growing the buffer.
@@ -60,7 +60,7 @@ InputBytes read_input(const std::string& path) {
       bytes.size += static_cast<std::size_t>(got);
     }
   } catch (const std::bad_alloc&) {
-    throw Error(ExitCode::kInput, name, "does not fit in memory (" + std::to_string(capacity) + " bytes)");
+    throw Error(ExitCode::kBudget, name, "does not fit in memory (" + std::to_string(capacity) + " bytes)");
   }
   if (bytes.size == 0) throw Error(ExitCode::kInput, name, "is empty");
   return bytes;

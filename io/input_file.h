@@ -17,7 +17,7 @@ struct InputBytes {
 };
 
 /// Reads `path` ("-": standard input) to its end. Throws Error(kInput) when it is missing, a folder, or
-/// unreadable.
+/// unreadable, Error(kBudget) when memory does not hold it.
 InputBytes read_input(const std::string& path);
 
 /// How an input is named in messages: its path, or "standard input".

@@ -12,12 +12,12 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "io/atlas_file.h"
 #include "io/hash.h"
 #include "io/input_file.h"
 #include "io/output_file.h"
+#include "io/shallow_json.h"
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/check_rbvh.h"
 #include "rbvh_file_generated.h"
@@ -32,7 +32,7 @@ static_assert(sizeof(file::Node) == sizeof(RbvhNode) && sizeof(file::Leaf) == si
               sizeof(file::Measures) == sizeof(LevelMeasures));
 constexpr std::size_t kAlignment = 64;
 constexpr std::size_t kSealHashAt = 8;  // in file::Seal
-constexpr std::size_t kMaxBuildOptionsDepth = 32;
+constexpr int kMaxBuildOptionsDepth = 32;
 constexpr const char* kRebuild = "; build the pair again";
 
 // Of all bytes, with the seal's hash taken as zero. `hash_at` is where that lies.
@@ -144,15 +144,7 @@ Level to_level(const file::Level& from) {
 
 // An object, and not so deep that whoever walks it runs out of stack.
 bool are_build_options(const std::string& text) {
-  bool is_shallow = true;
-  const auto options = nlohmann::json::parse(
-      text,
-      [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-        is_shallow = is_shallow && depth <= static_cast<int>(kMaxBuildOptionsDepth);
-        return is_shallow;
-      },
-      false);
-  return is_shallow && options.is_object();
+  return parse_shallow_json(text, kMaxBuildOptionsDepth).is_object();
 }
 
 // FlatBuffers lets many tables share one vector: what they hold in all must still be bounded by the file.
@@ -303,7 +295,7 @@ Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path,
   return rbvh;
 }
 
-Rbvh read_rbvh(const std::string& path, PairHeader* header) {
+Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<void(const Rbvh&)>& check) {
   if (path == "-") refuse("standard input", "is one stream, and a pair is two files; name the .rbvh");
   PairHeader own;
   PairHeader& head = header != nullptr ? *header : own;
@@ -312,6 +304,7 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header) {
     const InputBytes hierarchy = read_input(path);
     rbvh = decode_hierarchy(bytes_of(hierarchy), path, head);
   }
+  if (check) check(rbvh);
   const std::string atlas_name = atlas_path(path);
   std::error_code error;
   if (!std::filesystem::exists(atlas_name, error))

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <span>
 #include <string>
@@ -27,7 +28,9 @@ struct PairHeader {
 
 /// Reads and checks a pair: identifier, length, hash, version, verifier, every range, the atlas's length,
 /// hash and geometry. Hostile input is expected. Throws Error(kInput) naming the first fault in a sentence.
-Rbvh read_rbvh(const std::string& path, PairHeader* header = nullptr);
+/// `check` sees the pair when it has no texels yet, and may throw.
+Rbvh read_rbvh(const std::string& path, PairHeader* header = nullptr,
+               const std::function<void(const Rbvh&)>& check = {});
 
 /// As read_rbvh, but of the hierarchy alone: layers have no texels yet. `path` is for messages.
 Rbvh decode_hierarchy(std::span<const std::byte> file, const std::string& path, PairHeader& header);

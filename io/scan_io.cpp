@@ -21,12 +21,14 @@ namespace {
 
 using Reader = RawScan (*)(std::string_view bytes, const std::string& file);
 
-/// Formats told by their first bytes that are not read, with what to do about it.
+/// Formats told by some of their first bytes that are not read, with what to do about it.
 struct Foreign {
   std::string_view magic;
   const char* advice;
+  std::size_t at = 0;
 };
 constexpr Foreign kForeign[] = {
+    {"RBVH", "is an .rbvh pair, and a scan is wanted here; name the scan that it was built of", 4},
     {"LASF", "is a LAS or LAZ file, which is not supported yet; convert it to PLY or PCD"},
     {"\x1f\x8b", "is compressed by gzip; unpack it first"},
     {"BZh", "is compressed by bzip2; unpack it first"},
@@ -104,7 +106,7 @@ void append_filled(std::vector<T>& all, std::size_t count, std::vector<T>&& more
 RawScan parse_scan(std::string_view bytes, const std::string& path) {
   const std::string name = input_name(path);
   for (const Foreign& foreign : kForeign)
-    if (bytes.substr(0, foreign.magic.size()) == foreign.magic)
+    if (bytes.size() >= foreign.at && bytes.substr(foreign.at).starts_with(foreign.magic))
       throw Error(ExitCode::kInput, name, foreign.advice);
   Reader reader = reader_by_content(bytes);
   if (!reader) reader = reader_by_extension(path);

@@ -3,7 +3,11 @@
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 
 #include "io/input_file.h"
@@ -29,6 +33,57 @@ std::string one_line(std::string why) {
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(ExitCode::kInput, path, one_line(why) + "; bake the proxy again");
 }
+
+/// Whether the file holds all that its headers claim: OpenEXR makes room for an attribute before it reads it,
+/// for up to 2 GB.
+bool exr_headers_fit(std::string_view file) {
+  constexpr std::size_t kVersionAt = 4, kHeaderAt = 8;
+  constexpr std::uint32_t kManyParts = 0x1000;
+  std::size_t at = kHeaderAt;
+  const auto skip_word = [&] {
+    at = file.find('\0', at);
+    if (at != std::string_view::npos) ++at;
+    return at < file.size();
+  };
+  const auto number = [&](std::size_t from) {
+    std::uint32_t value = 0;
+    std::memcpy(&value, file.data() + from, sizeof value);
+    return value;
+  };
+  if (file.size() <= kHeaderAt) return false;
+  const bool many = (number(kVersionAt) & kManyParts) != 0;
+  do {
+    while (at < file.size() && file[at] != '\0') {
+      if (!skip_word() || !skip_word() || file.size() - at < sizeof(std::uint32_t)) return false;
+      const std::uint32_t size = number(at);
+      at += sizeof size;
+      if (size > file.size() - at) return false;
+      at += size;
+    }
+    if (at++ >= file.size()) return false;
+  } while (many && at < file.size() && file[at] != '\0');
+  return true;
+}
+
+/// libpng says its errors and warnings on stderr itself; ours are one line.
+class StderrAside {
+ public:
+  StderrAside() : kept_(::dup(STDERR_FILENO)) {
+    const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (kept_ >= 0 && nowhere >= 0) ::dup2(nowhere, STDERR_FILENO);
+    if (nowhere >= 0) ::close(nowhere);
+  }
+  ~StderrAside() {
+    if (kept_ < 0) return;
+    ::dup2(kept_, STDERR_FILENO);
+    ::close(kept_);
+  }
+  StderrAside(const StderrAside&) = delete;
+  StderrAside& operator=(const StderrAside&) = delete;
+
+ private:
+  int kept_;
+};
 
 }  // namespace
 
@@ -61,6 +116,7 @@ std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path
   if (texels * sizeof(Vec3f) > kMaxExpansion * file.size())
     refuse(path, "is too small (" + std::to_string(file.size()) + " bytes) for the " +
                      std::to_string(texels) + " texels that its sidecar claims");
+  if (!exr_headers_fit(file)) refuse(path, "is no EXR that can be read (its header is cut)");
   const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create("openexr");
   if (in == nullptr) refuse(path, "cannot be read: " + OIIO::geterror());
   in->threads(thread_count());
@@ -109,16 +165,22 @@ std::vector<int> vector_channels(const OIIO::ImageSpec& spec) {
 }  // namespace
 
 VdmMap read_vdm_map(const std::string& path) {
-  const auto refuse_map = [&](const std::string& why) { throw Error(ExitCode::kInput, path, one_line(why)); };
   std::error_code code;
-  if (path != "-" && !std::filesystem::exists(path, code)) refuse_map("there is no such displacement map");
-  const InputBytes bytes = read_input(path);
-  const char* format = format_of(bytes.view());
+  if (path != "-" && !std::filesystem::exists(path, code))
+    throw Error(ExitCode::kInput, path, "there is no such displacement map");
+  return decode_vdm_map(read_input(path).view(), path);
+}
+
+VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
+  const auto refuse_map = [&](const std::string& why) { throw Error(ExitCode::kInput, path, one_line(why)); };
+  const char* format = format_of(file);
   if (format == nullptr) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
+  if (format == std::string_view("openexr") && !exr_headers_fit(file)) refuse_map("is cut in its header");
+  const StderrAside aside;
   const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
   if (in == nullptr) refuse_map("cannot be read: " + OIIO::geterror());
   in->threads(thread_count());
-  OIIO::Filesystem::IOMemReader reader(bytes.data.get(), bytes.size);
+  OIIO::Filesystem::IOMemReader reader(const_cast<char*>(file.data()), file.size());
   OIIO::ImageSpec spec, config;
   config.attribute("oiio:UnassociatedAlpha", 1);
   if (!in->set_ioproxy(&reader) || !in->open(std::string("map.") + format, spec, config))
@@ -131,7 +193,7 @@ VdmMap read_vdm_map(const std::string& path) {
       static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height);
   const auto all = static_cast<std::size_t>(spec.nchannels);
   if (spec.width <= 0 || spec.height <= 0 || spec.width > (1 << 16) || spec.height > (1 << 16) || all > 64 ||
-      texels * all > kMaxExpansion * bytes.size)
+      texels * all > kMaxExpansion * file.size())
     refuse_map("claims " + std::to_string(spec.width) + " x " + std::to_string(spec.height) +
                " texels, more than it has bytes for");
   std::vector<float> values(texels * all);

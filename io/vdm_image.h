@@ -22,7 +22,8 @@ std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path
                                   std::uint32_t height);
 
 /// Reads any displacement map: EXR, PNG or TIFF with one channel (heights) or three and more, of which R, G
-/// and B (or the first three) are taken. Hostile bytes are expected. Throws Error(kInput).
+/// and B (or the first three) are taken. Hostile bytes are expected. Throws Error(kInput), naming `path`.
+VdmMap decode_vdm_map(std::string_view file, const std::string& path);
 VdmMap read_vdm_map(const std::string& path);
 
 }  // namespace rbvh

@@ -49,6 +49,21 @@ class ToolTest : public testing::Test {
     std::filesystem::remove(err);
     return run;
   }
+  /// Does its work without a word.
+  void good(const std::string& words) const {
+    const ToolRun run = tool(words + " -q");
+    EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
+    EXPECT_EQ(run.err, "") << words;
+  }
+  /// Fails with one line that has `part`, and leaves nothing.
+  void bad(const std::string& words, int code, const std::string& part) const {
+    const std::string before = files();
+    const ToolRun run = tool(words + " -q");
+    EXPECT_EQ(run.code, code) << words << "\n" << run.err;
+    EXPECT_EQ(run.lines(), 1) << words << "\n" << run.err;
+    EXPECT_NE(run.err.find(part), std::string::npos) << run.err << " lacks " << part;
+    EXPECT_EQ(files(), before) << words;
+  }
   std::string read(const std::string& name) const {
     std::ifstream in(path(name), std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};

@@ -372,7 +372,8 @@ Device Device::open(const std::string& choice) {
   if (found == nullptr) {
     if (devices.empty()) {
       throw Error(ExitCode::kDevice, {},
-                  "no usable OpenCL device on this machine; install one, such as Debian's pocl-opencl-icd");
+                  "no usable OpenCL device on this machine; install one, such as Debian's pocl-opencl-icd, "
+                  "and see that its cache (POCL_CACHE_DIR, else ~/.cache) can be written");
     }
     std::string names;
     for (const Found& d : devices)

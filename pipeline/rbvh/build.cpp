@@ -17,9 +17,16 @@
 namespace rbvh {
 namespace {
 
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+/// Adds to a phase what has passed since its last lap.
+struct PhaseClock {
+  std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+
+  void lap(double& phase) {
+    const auto now = std::chrono::steady_clock::now();
+    phase += std::chrono::duration<double>(now - start).count();
+    start = now;
+  }
+};
 
 /// Nodes of no more texels than this are not split for their shape's sake: noise would be split for ever.
 constexpr float kFloorTexels = 16;
@@ -34,6 +41,10 @@ constexpr float kNoiseTexels = 0.1f;
 constexpr std::uint32_t kMostExact = 64, kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
 constexpr std::uint32_t kTexelsPerExact = 11;
+
+/// Rims are kept as they are where they are less than this part of the scan (else it is a soup of pieces),
+/// and their triangles have this many texels each.
+constexpr float kMostRims = 0.25f, kLeastRimTexels = 0.5f;
 
 /// Where the focus asks for texels so different within one node, it is split.
 constexpr float kMostRhoRange = 4;
@@ -76,8 +87,8 @@ bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
          texels >= kTexelsPerExact * tile.leaf.primitives;
 }
 
-RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs) {
-  RasterConfig raster{.rho = rho};
+RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool rims_apart) {
+  RasterConfig raster{.rims_apart = rims_apart, .rho = rho};
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
   } else if (primitives.discs) {
@@ -176,6 +187,111 @@ Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const Ti
   return level;
 }
 
+void append_children(const Partition& partition, const std::vector<SplitRequest>& requests,
+                     std::vector<std::uint32_t>& nodes) {
+  for (const SplitRequest& request : requests) {
+    nodes.push_back(static_cast<std::uint32_t>(partition.nodes[request.node].left));
+    nodes.push_back(static_cast<std::uint32_t>(partition.nodes[request.node].left) + 1);
+  }
+}
+
+/// The nodes at which a level stops splitting, in the order of the tree.
+std::vector<std::uint32_t> leaves_of(const Partition& partition, const LevelRule& rule) {
+  std::vector<std::uint32_t> leaves, open = {0};
+  while (!open.empty()) {
+    const std::uint32_t n = open.back();
+    open.pop_back();
+    const PartitionNode& node = partition.nodes[n];
+    if (node.left >= 0 && rule.wants_split(node)) {
+      open.push_back(static_cast<std::uint32_t>(node.left) + 1);
+      open.push_back(static_cast<std::uint32_t>(node.left));
+    } else {
+      leaves.push_back(n);
+    }
+  }
+  return leaves;
+}
+
+/// Does the level keep what touches the surface's rim as it is? Tiles end at whole texels.
+bool keeps_rims(const LevelRule& rule, const PartitionNode& root) {
+  const auto count = static_cast<float>(root.count());
+  return rule.config->hybrid == Hybrid::kAuto && root.sums.rims > 0 && root.sums.rims < kMostRims * count &&
+         rule.rho(root) * root.sums.area > kLeastRimTexels * count;
+}
+
+/// Splits leaves of which a part touches the rim. Returns what is leaf then.
+std::vector<std::uint32_t> part_rims(Partition& own, const Primitives& primitives,
+                                     const std::vector<std::uint32_t>& leaves) {
+  std::vector<std::uint32_t> kept;
+  std::vector<SplitRequest> requests;
+  for (const std::uint32_t n : leaves) {
+    const PartitionNode& node = own.nodes[n];
+    if (node.sums.rims > 0 && node.sums.rims < static_cast<float>(node.count()))
+      requests.push_back({n, SplitBy::kRim});
+    else
+      kept.push_back(n);
+  }
+  sort_references(own, requests);
+  split_once(own, primitives, requests);
+  append_children(own, requests, kept);
+  return kept;
+}
+
+Level build_level(const Device& device, const Primitives& primitives, const Partition& partition,
+                  const LevelRule& rule, PhaseClock& clock, BuildTimings& time) {
+  const Hybrid hybrid = rule.config->hybrid;
+  // Where texels are finer than a cloud's discs, the discs themselves are as few bytes, and exact.
+  const bool keeps_discs = primitives.discs && hybrid != Hybrid::kOff &&
+                           rule.level.rho >= 2 * static_cast<float>(primitives.count);
+  // Splits for a level's own faults are made on a copy, so that no level depends on another.
+  Partition own{.nodes = partition.nodes,
+                .references = Buffer<std::uint32_t>(device, primitives.count),
+                .cones = false,
+                .rule = rule.config->split,
+                .host = partition.host};
+  own.references.copy_from(partition.references, primitives.count);
+  std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
+  const bool rims_apart = keeps_rims(rule, partition.nodes[0]);
+  if (rims_apart) leaves = part_rims(own, primitives, leaves);
+  const auto is_final = [&](Tile& tile) {
+    const PartitionNode& node = own.nodes[tile.node];
+    if (rims_apart && node.sums.rims > 0) tile.is_faulty = true;
+    tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
+    tile.is_exact = keeps_primitives(hybrid, tile, keeps_discs);
+    const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
+    return tile.is_exact || node.count() == 1 ||
+           (hybrid != Hybrid::kAlways && !(tile.is_faulty && may_split));
+  };
+  std::vector<Tile> tiles;
+  TileTexels texels;
+  // The level's leaves, then the children of those whose tile turned out faulty, until all is well or small.
+  for (bool is_first = true; !leaves.empty(); is_first = false) {
+    // Those of equal quality together: without a focus, all.
+    std::map<float, std::vector<std::uint32_t>> by_rho;
+    for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
+    std::vector<SplitRequest> requests;
+    for (const auto& [rho, group] : by_rho)
+      for (const Tile& tile :
+           rasterize_tiles(primitives, own, group, raster_config(rho, primitives, keeps_discs, rims_apart),
+                           is_final, texels)) {
+        if (tile.is_final)
+          tiles.push_back(tile);
+        else
+          requests.push_back({tile.node, tile.has_back || tile.is_steep ? SplitBy::kFacing : SplitBy::kRule,
+                              tile.w, tile.has_back ? 0.0f : RBVH_STEEP_COSINE});
+      }
+    clock.lap(time.rasterize);
+    if (is_first && !requests.empty()) sort_references(own, requests);
+    split_once(own, primitives, requests);
+    leaves.clear();
+    append_children(own, requests, leaves);
+    clock.lap(time.partition);
+  }
+  Level level = finish_level(rule.level, tiles, texels, own, primitives);
+  clock.lap(time.pack);
+  return level;
+}
+
 }  // namespace
 
 float optimal_resolution(float rho, RaysKind rays) {
@@ -197,16 +313,11 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   BuildTimings local;
   BuildTimings& time = timings != nullptr ? *timings : local;
   time = {};
-  double start = now();
-  const auto lap = [&](double& phase) {
-    const double t = now();
-    phase += t - start;
-    start = t;
-  };
+  PhaseClock clock;
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
   const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones, config.split);
+  Partition partition = make_root(primitives, cones, config.split, config.partition);
   const float own_area = partition.nodes[0].sums.area;
   const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
@@ -215,7 +326,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
     throw Error(
         ExitCode::kInput, "",
         "the scan's area is beyond what float can work with; scale it to a size between 1e-6 and 1e8");
-  lap(time.upload);
+  clock.lap(time.upload);
 
   std::vector<LevelRule> rules;
   for (const LevelConfig& level : config.levels) rules.push_back({level, &config, area});
@@ -224,72 +335,15 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   };
   if (any_level_splits(partition.nodes[0]))
     split_nodes(partition, primitives, {0}, any_level_splits, progress);
-  lap(time.partition);
+  clock.lap(time.partition);
 
   Rbvh rbvh;
-  for (std::size_t i = 0; i < config.levels.size(); ++i) {
-    const double level_start = now();
-    const LevelRule& rule = rules[i];
-    report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
-    std::vector<Tile> tiles;
-    TileTexels texels;
-    // The level's leaves, then the children of those whose tile turned out faulty, until all is well or
-    // small.
-    std::vector<std::uint32_t> leaves, open = {0};
-    while (!open.empty()) {
-      const std::uint32_t n = open.back();
-      open.pop_back();
-      const PartitionNode& node = partition.nodes[n];
-      if (node.left >= 0 && rule.wants_split(node)) {
-        open.push_back(static_cast<std::uint32_t>(node.left) + 1);
-        open.push_back(static_cast<std::uint32_t>(node.left));
-      } else {
-        leaves.push_back(n);
-      }
-    }
-    // Where texels are finer than a cloud's discs, the discs themselves are as few bytes, and exact.
-    const bool keeps_discs = primitives.discs && config.hybrid != Hybrid::kOff &&
-                             config.levels[i].rho >= 2 * static_cast<float>(primitives.count);
-    // Splits for a level's own faults are made on a copy, so that no level depends on another.
-    Partition own{.nodes = partition.nodes,
-                  .references = Buffer<std::uint32_t>(device, primitives.count),
-                  .cones = false,
-                  .rule = config.split};
-    own.references.copy_from(partition.references, primitives.count);
-    for (bool is_first = true; !leaves.empty(); is_first = false) {
-      const auto is_final = [&](Tile& tile) {
-        const PartitionNode& node = own.nodes[tile.node];
-        tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
-        tile.is_exact = keeps_primitives(config.hybrid, tile, keeps_discs);
-        const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
-        return tile.is_exact || node.count() == 1 ||
-               (config.hybrid != Hybrid::kAlways && !(tile.is_faulty && may_split));
-      };
-      // Those of equal quality together: without a focus, all.
-      std::map<float, std::vector<std::uint32_t>> by_rho;
-      for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
-      std::vector<SplitRequest> requests;
-      for (const auto& [rho, group] : by_rho)
-        for (const Tile& tile : rasterize_tiles(
-                 primitives, own, group, raster_config(rho, primitives, keeps_discs), is_final, texels)) {
-          if (tile.is_final)
-            tiles.push_back(tile);
-          else
-            requests.push_back({tile.node, tile.has_back, tile.w});
-        }
-      lap(time.rasterize);
-      if (is_first && !requests.empty()) sort_references(own, requests);
-      split_once(own, primitives, requests);
-      leaves.clear();
-      for (const SplitRequest& request : requests) {
-        leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left));
-        leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left) + 1);
-      }
-      lap(time.partition);
-    }
-    rbvh.levels.push_back(finish_level(config.levels[i], tiles, texels, own, primitives));
-    lap(time.pack);
-    time.levels.push_back({config.levels[i].name, now() - level_start});
+  for (const LevelRule& rule : rules) {
+    report(progress, "tiles", static_cast<double>(rbvh.levels.size()) / static_cast<double>(rules.size()));
+    PhaseClock level_clock;
+    rbvh.levels.push_back(build_level(device, primitives, partition, rule, clock, time));
+    time.levels.push_back({rule.level.name, 0});
+    level_clock.lap(time.levels.back().seconds);
   }
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <utility>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -44,8 +46,16 @@ void grow_range(Layer& layer, std::span<const float> values) {
     hi = std::max(hi, value);
   }
   if (lo > hi || (!is_empty && lo == layer.lo && hi == layer.hi)) return;
-  // One value alone is kept as the lower end of a range: an empty range would mean "as stored".
+  // One value alone is kept as an end of a range: an empty range would mean "as stored".
   if (lo == hi) hi = lo + std::max(1.0f, std::abs(lo));
+  if (lo > 0 && std::isinf(hi)) hi = std::exchange(lo, 0.0f);
+  if (std::isinf(hi - lo)) {
+    char range[64];
+    std::snprintf(range, sizeof range, "%g to %g", static_cast<double>(lo), static_cast<double>(hi));
+    throw Error(ExitCode::kInput, "",
+                "layer " + layer.name + " would have values from " + range +
+                    ", further apart than a float can say; bring them closer together");
+  }
   Layer grown;
   grown.lo = lo;
   grown.hi = hi;
@@ -129,7 +139,8 @@ Vec3f value3(const Layer& layer, std::uint16_t packed) {
 }
 
 /// Adds what the quad says of a layer, times `weight`, and returns the weight that was there to add.
-float add_quad(const Level& level, const Layer& layer, const Quad& quad, float weight, std::span<float> sum) {
+float add_quad(const Level& level, const Layer& layer, const Quad& quad, float weight,
+               std::span<double> sum) {
   const bool is_packed = layer.name == "normal" || layer.name == "color";
   float added = 0;
   for (std::size_t k = 0; k < 4; ++k) {
@@ -138,11 +149,12 @@ float add_quad(const Level& level, const Layer& layer, const Quad& quad, float w
     if (is_packed) {
       if (level.layers[0].texels[quad.texels[k]] == 0) continue;
       const Vec3f value = value3(layer, layer.texels[quad.texels[k]]);
-      for (int c = 0; c < 3; ++c) sum[static_cast<std::size_t>(c)] += value[c] * share;
+      for (int c = 0; c < 3; ++c) sum[static_cast<std::size_t>(c)] += static_cast<double>(value[c] * share);
     } else {
       const std::uint16_t* codes = layer.texels.data() + quad.texels[k] * layer.channels;
       if (codes[0] == 0) continue;
-      for (std::size_t c = 0; c < sum.size(); ++c) sum[c] += decode(layer, codes[c]) * share;
+      for (std::size_t c = 0; c < sum.size(); ++c)
+        sum[c] += static_cast<double>(decode(layer, codes[c])) * static_cast<double>(share);
     }
     added += share;
   }
@@ -157,7 +169,7 @@ Quad nearest_quad(const Level& level, const Layer& layer, std::uint32_t leaf, fl
               lv = std::clamp(v * grid.per_v, 0.0f, static_cast<float>(grid.tile.height - 1));
   Quad nearest;
   float best = kNearestTexels * kNearestTexels;
-  std::vector<float> ignored(sample_width(layer));
+  std::vector<double> ignored(sample_width(layer));
   for (int y = std::max(0, static_cast<int>(lv - kNearestTexels));
        y < std::min<int>(grid.tile.height, static_cast<int>(lv + kNearestTexels) + 1); ++y)
     for (int x = std::max(0, static_cast<int>(lu - kNearestTexels));
@@ -312,14 +324,14 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
   const std::size_t width = sample_width(layer);
   std::vector<float> values(points.size() * width, kNone);
   parallel_for(points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    std::vector<float> sum(width);
+    std::vector<double> sum(width);  // of values up to the largest float
     for (std::size_t i = begin; i < end; ++i) {
-      std::fill(sum.begin(), sum.end(), 0.0f);
+      std::fill(sum.begin(), sum.end(), 0.0);
       float weight = 0;
       const std::vector<Covering> covers = covering(level, hits.of(i), most);
       for (const Covering& c : covers) {
         if (layer.name == "height") {
-          sum[0] += c.distance * c.weight;
+          sum[0] += static_cast<double>(c.distance * c.weight);
           weight += c.weight;
         } else {
           weight += add_quad(level, layer, LayerGrid(level, layer, c.leaf).quad(c.u, c.v), c.weight, sum);
@@ -330,7 +342,8 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
                            1, sum);
       if (!(weight > 0)) continue;
       float* to = values.data() + i * width;
-      for (std::size_t c = 0; c < width; ++c) to[c] = sum[c] / weight;
+      for (std::size_t c = 0; c < width; ++c)
+        to[c] = static_cast<float>(sum[c] / static_cast<double>(weight));
       if (layer.name != "normal") continue;
       const Vec3f n = normalized(Vec3f{to[0], to[1], to[2]});
       std::copy_n(&n.x, 3, to);
@@ -344,16 +357,17 @@ std::vector<float> sample_layer_at_hits(const Level& level, const Layer& layer, 
   const std::size_t width = sample_width(layer);
   std::vector<float> values(hits.size() * width, kNone);
   parallel_for(hits.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    std::vector<float> sum(width);
+    std::vector<double> sum(width);  // of values up to the largest float
     for (std::size_t i = begin; i < end; ++i) {
       if (!std::isfinite(hits[i].t)) continue;
       const RbvhLeaf& leaf = level.leaves[hits[i].leaf];
-      std::fill(sum.begin(), sum.end(), 0.0f);
+      std::fill(sum.begin(), sum.end(), 0.0);
       const Quad quad = LayerGrid(level, layer, hits[i].leaf)
                             .quad(hits[i].u * static_cast<float>(leaf.width - 1),
                                   hits[i].v * static_cast<float>(leaf.height - 1));
       const float weight = add_quad(level, layer, quad, 1, sum);
-      for (std::size_t c = 0; c < width && weight > 0; ++c) values[i * width + c] = sum[c] / weight;
+      for (std::size_t c = 0; c < width && weight > 0; ++c)
+        values[i * width + c] = static_cast<float>(sum[c] / static_cast<double>(weight));
     }
   });
   return values;
@@ -421,7 +435,7 @@ PaintCounts paint_layer(const PointIndex& index, const Level& level, Layer& laye
     const float* value = values.data() + claims[texel].point * width;
     ++counts.texels;
     if (layer.name == "color") {
-      if (std::isfinite(value[0] + value[1] + value[2]))
+      if (is_finite(Vec3f{value[0], value[1], value[2]}))
         layer.texels[texel] = pack_srgb({value[0], value[1], value[2]});
       continue;
     }

@@ -32,7 +32,7 @@ std::vector<float> property_at(const Scan& scan, const ScalarProperty& property,
                                std::span<const Vec3f> points);
 
 /// Sets all texels of one channel that are named; NaN: no value. The range is grown to hold the values, and
-/// what was there is kept to half a step of the larger range.
+/// what was there is kept to half a step of the larger range. Throws Error(kInput) where that overflows.
 void set_values(Layer& layer, std::span<const std::size_t> texels, std::span<const float> values);
 
 /// Adds each property as a layer of each level (replacing one of that name). Throws Error(kUsage) for a name

@@ -1,5 +1,7 @@
 #include "pipeline/render/camera.h"
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 
 #include "pipeline/base/error.h"
@@ -8,7 +10,8 @@ namespace rbvh {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kMargin = 1.04;  // the frame is this much wider than the object
+constexpr double kMargin = 1.04;    // the frame is this much wider than the object
+constexpr double kFarthest = 1e30;  // scan units; rays are floats
 constexpr double kDefaultViewAngle = 30, kDefaultAzimuth = 30, kDefaultElevation = 20;
 
 [[noreturn]] void refuse(const std::string& what) { throw Error(ExitCode::kUsage, "", what); }
@@ -92,6 +95,10 @@ Camera place_camera(const CameraWords& words, const Bounds3d& bounds, Vec3d up_a
   if (!(length(view_up) > 0)) refuse("the camera's view up is zero");
   const Vec3d center = bounds.empty() ? Vec3d{} : bounds.center();
   camera.focal_point = words.focal_point.value_or(center);
+
+  for (const Vec3d& p : {camera.focal_point, words.position.value_or(Vec3d{})})
+    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < kFarthest))
+      refuse("the camera's position or focal point is too far away");
 
   const Vec3d front = words.position ? *words.position - camera.focal_point : front_of(up_axis);
   Frame frame = frame_of(front, view_up);

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "io/npy.h"
+#include "pipeline/base/vec.h"
 #include "tests/picture.h"
 #include "tests/run_tool.h"
 
@@ -17,12 +18,6 @@ class Chain : public ToolTest {
   void SetUp() override {
     ToolTest::SetUp();
     write("ball.ply", ball_ply(48));
-  }
-  // Runs, and expects it to do its work without a word.
-  void good(const std::string& words) {
-    const ToolRun run = tool(words + " -q");
-    EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
-    EXPECT_EQ(run.err, "") << words;
   }
   void build() { good("build ball.ply -o ball.rbvh"); }
   Picture picture(const std::string& name) const { return read_picture(path(name)); }
@@ -144,6 +139,21 @@ TEST_F(Chain, TurntablesAndCameraFilesGiveNumberedPictures) {
   }
 }
 
+TEST_F(Chain, AnglesTurnTheCamera) {
+  const std::string render =
+      "render ball.ply --aov position --camera-position 0,0,6 --camera-focal-point 0,0,0 ";
+  good(render + "--resolution 33,33 -o front.exr");
+  good(render + "--resolution 33,33 --camera-azimuth-angle 90 -o right.exr");
+  good(render + "--resolution 33,33 --camera-elevation-angle 60 -o above.exr");
+  const auto middle = [&](const char* name) {
+    const float* p = picture(name).at(16, 16);
+    return normalized(Vec3f{p[0], p[1], p[2]});
+  };
+  EXPECT_GT(middle("front.exr").z, 0.99f);
+  EXPECT_GT(middle("right.exr").x, 0.99f);
+  EXPECT_NEAR(middle("above.exr").y, std::sqrt(0.75), 0.05);
+}
+
 TEST_F(Chain, ABatchGoesOnPastABadFile) {
   write("bad.ply", "ply\nformat ascii 1.0\nelement vertex 3\n");
   const ToolRun run = tool("render bad.ply ball.ply -o '{name}.png' --resolution 16,16 -q");
@@ -251,6 +261,10 @@ TEST_F(Chain, ValidateMeasuresAgainstTheScan) {
   EXPECT_LT(finest["scan_to_level"]["rms_percent"], 0.5);
   EXPECT_GT(json["fidelity"][4]["dt"]["median"], finest["dt"]["median"]);
   EXPECT_TRUE(exists("diff/Q0-0.png") && exists("diff/Q4-1.png"));
+  const std::string again =
+      "validate ball.rbvh --against ball.ply --level Q0 --views 1 --resolution 64 --pictures diff -q";
+  EXPECT_EQ(tool(again).code, 1) << "the pictures are there";
+  EXPECT_EQ(tool(again + " --force").code, 0) << "validate overwrites when told";
   const ToolRun text = tool("validate ball.rbvh --against ball.ply --level Q2 --views 1 --resolution 64 -q");
   EXPECT_EQ(text.code, 0);
   EXPECT_NE(text.out.find("Q2"), std::string::npos);
@@ -288,6 +302,11 @@ TEST_F(Chain, ProgressReportsAndLogsAreAsAskedFor) {
     }
   EXPECT_GT(lines, 1);
   EXPECT_NE(read("build.log").find("wrote a.rbvh"), std::string::npos);
+  const ToolRun terse = tool("render ball.ply --output x.png --resolution 16,16 --progress plain");
+  const ToolRun verbose =
+      tool("render ball.ply --output x.png --force --resolution 16,16 --verbose --no-color");
+  EXPECT_EQ(terse.err.find("wrote x.png"), std::string::npos) << terse.err;
+  EXPECT_NE(verbose.err.find("wrote x.png"), std::string::npos) << verbose.err;
   const Json report = Json::parse(read("build.json"));
   EXPECT_EQ(report["stage"], "build");
   EXPECT_EQ(report["counts"]["triangles"], 9024);

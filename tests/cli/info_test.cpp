@@ -73,6 +73,9 @@ TEST_F(Info, SaysWhatAScanHolds) {
   EXPECT_EQ(cloud["non_finite"], 1);
   EXPECT_EQ(cloud["bounds"]["hi"], Json({7, 8, 9}));
   EXPECT_NE(tool("info - < ball.ply").out.find("48 triangles"), std::string::npos);
+  EXPECT_NE(
+      shell("mkfifo pipe && { cat ball.ply > pipe & '" RBVH_TOOL "' info pipe; }").out.find("48 triangles"),
+      std::string::npos);
 }
 
 TEST_F(Info, ControlCharactersStayOutOfTheTerminal) {

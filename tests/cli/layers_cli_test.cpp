@@ -16,20 +16,6 @@ class Detail : public ToolTest {
     ToolTest::SetUp();
     write("ball.ply", ball_ply(16));
   }
-  void good(const std::string& words) const {
-    const ToolRun run = tool(words + " -q");
-    EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
-    EXPECT_EQ(run.err, "") << words;
-  }
-  /// Fails with one line that has `part`, and leaves nothing.
-  void bad(const std::string& words, int code, const std::string& part) const {
-    const std::string before = files();
-    const ToolRun run = tool(words + " -q");
-    EXPECT_EQ(run.code, code) << words << "\n" << run.err;
-    EXPECT_EQ(run.lines(), 1) << run.err;
-    EXPECT_NE(run.err.find(part), std::string::npos) << run.err << " lacks " << part;
-    EXPECT_EQ(files(), before) << words;
-  }
   std::string levels(const std::string& file) const {
     std::string names;
     const Json json = info(file);
@@ -169,6 +155,8 @@ TEST_F(Detail, PaintThenSampleGivesBackWhatWasPainted) {
   good("lod b.rbvh --levels Q3 -o c.rbvh");
   good("sample c.rbvh --layer wear --points p.npy -f -o s.npy");
   EXPECT_NEAR(read_npy(path("s.npy"), one).values[1], -2, 1e-3);
+  good("paint a.rbvh --layer wear --level Q4 --points p.npy --values v.npy --radius 0.1 -o q4.rbvh");
+  EXPECT_EQ(info("q4.rbvh")["levels"][0]["layers"].size() + 1, info("q4.rbvh")["levels"][1]["layers"].size());
   // In place, with -f only; on the layer that is there.
   bad("paint b.rbvh --layer wear --points p.npy --values v.npy", 1, "b.rbvh");
   bad("paint b.rbvh --layer wear --points p.npy --values v.npy --layer-scale 2 -o x.rbvh", 2,
@@ -196,6 +184,108 @@ TEST_F(Detail, PaintThenSampleGivesBackWhatWasPainted) {
   bad("paint b.rbvh --layer new --points p.npy --values v.npy --layer-scale 99 -o x.rbvh", 2,
       "--layer-scale");
   bad("paint b.rbvh --layer wear --points p.npy --values v.npy --radius -1 -o x.rbvh", 2, "--radius");
+}
+
+TEST_F(Detail, ValuesThatNoLayerCanHold) {
+  good("build ball.ply -o a.rbvh --levels Q4");
+  write_npy(path("p.npy"), std::vector<float>{0.3f, 0.2f, 0.95f, -0.3f, 0.1f, 0.95f}, 3, false);
+  const float infinity = std::numeric_limits<float>::infinity();
+  write_npy(path("far.npy"), std::vector<float>{3e38f, -3e38f}, 1, false);
+  write_npy(path("one.npy"), std::vector<float>{3e38f, 3e38f}, 1, false);
+  write_npy(path("low.npy"), std::vector<float>{-3e38f, -3e38f}, 1, false);
+  write_npy(path("infinite.npy"), std::vector<float>{infinity, 2}, 1, false);
+  const std::string paint = "paint a.rbvh --layer wear --points p.npy --reach 0.2 ";
+  bad(paint + "--values far.npy -o x.rbvh", 3, "-3e+38 to 3e+38");
+  good(paint + "--values one.npy -o one.rbvh");
+  good("sample one.rbvh --layer wear --points p.npy --reach 0.2 -o one_back.npy");
+  const std::size_t one[] = {1};
+  EXPECT_EQ(read_npy(path("one_back.npy"), one).values[0], 3e38f);
+  bad("paint one.rbvh --layer wear --points p.npy --reach 0.2 --values low.npy -o x.rbvh", 3, "3e+38");
+  const ToolRun run = tool(paint + "--values infinite.npy -o infinite.rbvh");
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("infinite.npy: 1 infinite value,"), std::string::npos) << run.err;
+  good("sample infinite.rbvh --layer wear --points p.npy --reach 0.2 -o back.npy");
+  EXPECT_TRUE(std::isnan(read_npy(path("back.npy"), one).values[0]));
+  EXPECT_NEAR(read_npy(path("back.npy"), one).values[1], 2, 1e-3);
+  write("hot.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "property float heat\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0 1\n1 0 0 inf\n0 1 0 -inf\n3 0 1 2\n");
+  for (const char* words : {"build hot.ply -o hot.rbvh --levels Q4 --layer heat",
+                            "paint hot.rbvh --layer heat --scan hot.ply -f"}) {
+    const ToolRun hot = tool(words);
+    EXPECT_EQ(hot.code, 0) << hot.err;
+    EXPECT_NE(hot.err.find("hot.ply: 2 infinite values"), std::string::npos) << hot.err;
+  }
+}
+
+TEST_F(Detail, LodSaysThatAScanIsAnother) {
+  good("build ball.ply -o a.rbvh --levels Q4 --hybrid off");
+  write("other.xyz", "9 9 9\n10 9 9\n9 10 9\n");
+  for (const char* part : {"other.xyz: does not lie where the scan that a.rbvh was built of does",
+                           "It has 3 points, and ball.ply had 960 triangles"})
+    bad("lod a.rbvh --max-error 90 --against other.xyz -o x.rbvh", 3, part);
+  const ToolRun run = tool("validate a.rbvh --against other.xyz --views 1 --resolution 64 --progress none");
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("warning: other.xyz: does not lie where"), std::string::npos) << run.err;
+}
+
+TEST_F(Detail, OptionsThatMeanNothingAreRefusedOrSaid) {
+  good("build ball.ply -o a.rbvh --levels Q4");
+  write_npy(path("p.npy"), std::vector<float>{0, 0, 4}, 3, false);
+  write_npy(path("rays.npy"), std::vector<float>{0, 0, 4, 0, 0, -2}, 6, false);
+  const std::string render = "render -o x.png --resolution 16,16 ", trace = "trace --rays rays.npy -o x.npy ";
+  for (const std::string& words :
+       {render + "a.rbvh --tessellate 3", render + "a.rbvh --detail 2", render + "ball.ply --patch-cache 1M",
+        trace + "a.rbvh --patch-cache 1M", trace + "ball.ply --patch-cache 1M"})
+    bad(words, 2, "is for proxies and scenes");
+  bad(render + "a.rbvh --aov depth --samples 4 -f -o y.exr", 2, "");
+  bad("render a.rbvh -o x.exr --aov depth --samples 4", 2, "shaded");
+  bad("render a.rbvh -o x.exr --aov depth --color-layer wear", 2, "shaded");
+  bad(render + "ball.ply --compare wide16,bvh-stack --samples 2", 2, "--samples");
+  bad(trace + "ball.ply --cone 1", 2, "--cone");
+  bad(trace + "ball.ply --level auto", 2, "--cone");
+  bad(trace + "ball.ply --level auto --cone 1", 2, "no pair");
+  bad(trace + "a.rbvh --level all", 2, "one level");
+  bad("sample a.rbvh --layer normal --points p.npy -o x.npy --level all", 2, "one level");
+  bad("build ball.ply -o x.rbvh --views 2", 2, "--measure");
+  bad("build ball.ply -o x.rbvh --resolution 64", 2, "--measure");
+  bad("build ball.ply -o x.rbvh --layer-scale 2", 2, "--layer");
+  bad("build ball.ply -o x.rbvh --focus-level Q1", 2, "--focus-level");
+  bad("lod a.rbvh --levels Q4 -o x.rbvh --views 2", 2, "--against");
+  bad("validate a.rbvh --level Q4", 2, "--against");
+  bad("validate a.rbvh --pictures there", 2, "--against");
+  bad("paint a.rbvh --layer wear --scan ball.ply --radius 1 -o x.rbvh", 2, "--radius");
+  bad("paint a.rbvh --layer wear --scan ball.ply --reach 1 -o x.rbvh", 2, "--reach");
+  // Of a scan, which has no levels, one is ignored; that is said.
+  for (const std::string& words : {render + "ball.ply -f --level Q2", trace + "ball.ply -f --level Q2"}) {
+    const ToolRun run = tool(words + " --progress none");
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_NE(run.err.find("ball.ply has no levels; --level is ignored"), std::string::npos) << run.err;
+  }
+}
+
+TEST_F(Detail, PairsAreNamedAsSuch) {
+  good("build ball.ply -o a.rbvh --levels Q4");
+  bad("build a.rbvh -o x.rbvh", 3, "a.rbvh: is an .rbvh pair, and a scan is wanted");
+  bad("ingest a.rbvh -o x.ply", 3, "a.rbvh: is an .rbvh pair");
+  write("huge.obj", "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nf 1 2 3\n");
+  bad("build huge.obj -o x.rbvh", 3, "huge.obj: the scan's area is beyond");
+  bad("build ball.ply -o x.ply --levels Q4", 2, "name the output x.rbvh");
+  bad("build ball.ply -o x.atlas.tif --levels Q4", 2, "NAME.rbvh");
+  bad("lod a.rbvh --levels Q4 -o x.obj", 2, "x.rbvh");
+  write_npy(path("p.npy"), std::vector<float>{0, 0, 1}, 3, false);
+  bad("paint a.rbvh --layer wear --points p.npy --values p.npy -o b.ply", 2, "b.rbvh");
+}
+
+TEST_F(Detail, OneIsSingular) {
+  const ToolRun build = tool("build ball.ply -o a.rbvh --levels Q4");
+  EXPECT_NE(build.err.find("(1 level, "), std::string::npos) << build.err;
+  EXPECT_NE(tool("validate a.rbvh").out.find("(1 level, "), std::string::npos);
+  write("one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  EXPECT_NE(tool("info one.obj").out.find("3 vertices, 1 triangle, 1 object"), std::string::npos);
+  write_npy(path("rays.npy"), std::vector<float>{0, 0, 4, 0, 0, 0}, 6, false);
+  EXPECT_NE(tool("trace a.rbvh --rays rays.npy -o hits.npy").err.find("1 ray not finite"), std::string::npos);
 }
 
 TEST_F(Detail, PropertiesOfTheScanBecomeLayers) {
@@ -263,10 +353,16 @@ TEST_F(Detail, PartitionOptionsChangeThePair) {
     EXPECT_NE(read("b.atlas.tif"), read("a.atlas.tif")) << words;
     EXPECT_NE(info("b.rbvh")["build_options"], plain["build_options"]) << words;
   }
-  good("build ball.ply -f -o b.rbvh --levels Q3 --rays coherent --split median");
+  good("build ball.ply -f -o b.rbvh --levels Q3 --rays coherent --split median --partition device");
   EXPECT_EQ(read("b.rbvh"), read("a.rbvh"));
+  EXPECT_EQ(plain["build_options"]["partition"], "device");
+  good("build ball.ply -f -o b.rbvh --levels Q3 --partition host");
+  const Json by_host = info("b.rbvh");
+  EXPECT_EQ(by_host["build_options"]["partition"], "host");
+  const double leaves = plain["levels"][0]["leaves"];
+  EXPECT_NEAR(by_host["levels"][0]["leaves"].get<double>(), leaves, 0.02 * leaves);
   for (const std::string words :
-       {"--split no", "--rays no", "--focus 0,0", "--focus 0,0,0", "--focus-radius 1",
+       {"--split no", "--partition no", "--rays no", "--focus 0,0", "--focus 0,0,0", "--focus-radius 1",
         "--focus 0,0,0 --focus-radius 0", "--focus-camera 0,0,3 --focus-level Q7",
         "--focus 0,0,0 --focus-radius 1 --focus-camera 0,0,3"})
     bad("build ball.ply -o x.rbvh --levels Q3 " + words, 2, "");

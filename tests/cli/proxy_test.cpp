@@ -233,6 +233,13 @@ TEST_F(ProxyStage, WhatCannotBeImported) {
   std::string cut = read("v.exr");
   write("cut.exr", cut.substr(0, cut.size() - 20));
   expect_error(3, "quads.obj -o p.obj --vdm cut.exr", "cut.exr");
+  cut.replace(cut.find("chlist") + 7, 4, "\xff\xff\xff\x7f");  // room for which would be made: 2 GB
+  write("claims.exr", cut);
+  expect_error(3, "quads.obj -o p.obj --vdm claims.exr", "cut in its header");
+  std::string bad = read("v.png");
+  bad[18] = '\7';
+  write("bad.png", bad);
+  expect_error(3, "quads.obj -o p.obj --vdm bad.png", "bad.png");
   write_quads("f 1/1 2/2 5/5 4/4\nf 2 3 6 5\n");
   expect_error(3, "quads.obj -o p.obj --vdm v.exr", "face 2 has no texture coordinates");
   write_quads("f 1/1 2/2 5/5 9/4\n");

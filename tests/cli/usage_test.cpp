@@ -1,4 +1,7 @@
 // The words of the command line: what is refused, how, and that refusing leaves nothing behind.
+#include <nlohmann/json.hpp>
+
+#include "io/npy.h"
 #include "pipeline/exact/exact_methods.h"
 #include "tests/run_tool.h"
 
@@ -67,6 +70,10 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("render a.ply -o a.png --compare wide16,bvh-stack --aov depth", "--aov");
   expect_usage_error("render a.ply -o a.png --tracer bvh-stack --builder kd", "kd");
   expect_usage_error("trace a.ply --rays r.npy -o h.npy --level Q0,Q1", "--level");
+  expect_usage_error("render a.ply -o a.png --level ''", "--level: ''");
+  expect_usage_error("trace - --rays - -o h.npy < a.ply", "standard input");
+  expect_usage_error("paint a.rbvh --layer w --points - --values - -f < a.ply", "standard input");
+  expect_usage_error("ingest a.ply -o b.ply --normals-k 5", "--normals-k is for clouds");
 }
 
 TEST_F(Usage, PictureNamesAreCheckedBeforeAnyWork) {
@@ -87,6 +94,8 @@ TEST_F(Usage, CamerasThatSeeNothingAreRefused) {
   expect_usage_error("render a.ply -o a.png --camera-position 0,9,0 --camera-focal-point 0,0,0", "view up");
   expect_usage_error("render a.ply -o a.png --camera-view-angle 180", "view angle");
   expect_usage_error("render a.ply -o a.png --camera-view-up 0,0,0", "view up");
+  expect_usage_error("render a.ply -o a.png --camera-position 1e300,0,0", "too far");
+  expect_usage_error("render a.ply -o a.png --camera-focal-point 0,-1e300,0", "too far");
 }
 
 TEST_F(Usage, HelpAndVersionGoToStdout) {
@@ -100,6 +109,19 @@ TEST_F(Usage, HelpAndVersionGoToStdout) {
     EXPECT_NE(run.out.find("--quiet"), std::string::npos) << stage;
     EXPECT_NE(tool("--help").out.find(stage), std::string::npos);
   }
+}
+
+TEST_F(Usage, DevicesAreListed) {
+  const nlohmann::json devices = nlohmann::json::parse(tool("devices --json").out, nullptr, false);
+  ASSERT_FALSE(devices.empty());
+  const std::string name = devices[0]["name"];
+  EXPECT_EQ(devices[0]["index"], 0);
+  EXPECT_NE(tool("devices").out.find(name), std::string::npos);
+  // As a terminal has it; script(1) makes one. No colour where none is wanted.
+  const std::string wrong = "script -qec \"'" RBVH_TOOL "' render missing.ply -o x.png";
+  EXPECT_NE(shell(wrong + "\" /dev/null").out.find("\033[31m"), std::string::npos);
+  EXPECT_EQ(shell(wrong + " --no-color\" /dev/null").out.find('\033'), std::string::npos);
+  EXPECT_EQ(shell("NO_COLOR=1 " + wrong + "\" /dev/null").out.find('\033'), std::string::npos);
 }
 
 TEST_F(Usage, TracersAreListed) {
@@ -169,6 +191,24 @@ TEST_F(Usage, BudgetsAreKept) {
     EXPECT_EQ(run.lines(), 1) << run.err;
   }
   EXPECT_EQ(files(), "a.ply");
+  // The files fit; what is made of them does not.
+  write_npy(path("r.npy"), std::vector<float>{0, 0, 4, 0, 0, -1}, 6, false);
+  write("plate.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  EXPECT_EQ(tool("build plate.ply -o p.rbvh --levels Q1 --hybrid off -q").code, 0);
+  for (const auto& [words, part] :
+       {std::pair{"trace a.ply --rays r.npy -o h.npy --memory 9K",
+                  "a.ply: its hierarchy needs about 10.6 kB"},
+        std::pair{"info a.ply --memory 1K", "a.ply: reading it"},
+        std::pair{"validate a.ply --memory 1K", "a.ply: reading it"},
+        std::pair{"info p.rbvh --memory 2M", "p.rbvh: reading it"},
+        std::pair{"trace p.rbvh --rays r.npy -o h.npy --memory 2M", "p.rbvh: reading it"},
+        std::pair{"sample p.rbvh --layer normal --points r.npy -o h.npy --memory 16", "r.npy: reading it"},
+        std::pair{"validate p.rbvh --against plate.ply --resolution 4000 --memory 100M",
+                  "plate.ply: comparing"},
+        std::pair{"validate p.rbvh --against plate.ply --resolution 64 --memory 20M", "p.rbvh: measuring"}})
+    bad(words, 5, part);
 }
 
 }  // namespace

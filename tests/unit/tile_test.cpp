@@ -54,7 +54,9 @@ TEST(Tile, HasAHeightForEveryTexelOfASlopeToHalfAQuantum) {
       // The mesh lies within 4e-6 of the curve (chords of 1/40).
       EXPECT_NEAR(p.z, 0.1 * p.x + 0.05 * p.y + 0.02 * p.x * p.x, quantum + 4e-6) << x << " " << y;
     }
-  EXPECT_GT(inside, 1250);
+  // The rectangle is taken to be `fill` times what is covered of it.
+  const double expected = 2000 / RasterConfig{}.fill * 0.98 * 0.98;
+  EXPECT_NEAR(inside, expected, 0.03 * expected);
 }
 
 TEST(Tile, CoversAPlateToItsOpenEdgeAndNotMuchMore) {
@@ -114,6 +116,20 @@ TEST(Tile, SeesTwoLayersStepsAndWhatFacesAway) {
   add_plate(shell, 8, 0);
   add_sheet(shell, 2, [](float s, float t) { return Vec3f{0.2f * t, 0.2f * s, -0.001f}; });
   EXPECT_TRUE(rasterize_whole(shell, 400).tile.has_back);
+}
+
+TEST(Tile, SeesWhatStandsSteepAndWhatItMisses) {
+  Scan bend;
+  add_sheet(bend, 16, [](float s, float t) { return Vec3f{std::min(s, 0.8f), t, std::max(0.0f, s - 0.8f)}; });
+  EXPECT_TRUE(rasterize_whole(bend, 400).tile.is_steep);
+  // Between four texels and lower than a step; a quarter as high it is no fault.
+  for (const float height : {0.08f, 0.02f}) {
+    Scan tent;
+    add_sheet(tent, 60, [&](float s, float t) {
+      return Vec3f{s, t, std::abs(s - 0.5f) < 0.01f && std::abs(t - 0.5f) < 0.01f ? height : 0};
+    });
+    EXPECT_EQ(rasterize_whole(tent, 400).tile.is_faulty, height > 0.05f);
+  }
 }
 
 TEST(Tile, OfDiscsFollowsTheirPlane) {

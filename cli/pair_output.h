@@ -1,0 +1,18 @@
+// What the stages that write a pair share: how it may be named, and their last words.
+#pragma once
+
+#include <string>
+
+#include "cli/common.h"
+#include "io/rbvh_file.h"
+
+namespace rbvh {
+
+/// Throws Error(kUsage) where --output is named as another kind of file, and as check_rbvh_output() does.
+void check_pair_output(const Context& context);
+
+/// Says that `output` was written and `what` it holds; its bytes go to the report.
+void report_pair(Context& context, const std::string& output, const RbvhBytes& bytes,
+                 const std::string& what);
+
+}  // namespace rbvh
