@@ -30,6 +30,7 @@ struct BuildOptions {
   std::vector<std::string> levels;  // empty: all
   Refinement refinement = Refinement::kProjectedArea;
   SplitRule split = SplitRule::kSpatialMedian;
+  PartitionWhere partition = PartitionWhere::kDevice;
   RaysKind rays = RaysKind::kCoherent;
   std::optional<Vec3d> focus, focus_camera;
   std::optional<double> focus_radius;
@@ -51,6 +52,12 @@ SplitRule parse_split(std::string_view text) {
   if (text == "median") return SplitRule::kSpatialMedian;
   if (text == "sah") return SplitRule::kSurfaceArea;
   throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither median nor sah");
+}
+
+PartitionWhere parse_partition(std::string_view text) {
+  if (text == "device") return PartitionWhere::kDevice;
+  if (text == "host") return PartitionWhere::kHost;
+  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither device nor host");
 }
 
 RaysKind parse_rays(std::string_view text) {
@@ -134,6 +141,7 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
   nlohmann::ordered_json json;
   json["refinement"] = options.refinement == Refinement::kProjectedArea ? "area" : "cone";
   json["split"] = options.split == SplitRule::kSpatialMedian ? "median" : "sah";
+  json["partition"] = options.partition == PartitionWhere::kDevice ? "device" : "host";
   json["rays"] = options.rays == RaysKind::kCoherent ? "coherent" : "incoherent";
   if (options.focus || options.focus_camera) {
     const Vec3d at = options.focus ? *options.focus : *options.focus_camera;
@@ -173,6 +181,7 @@ void run_build(Context& context, const BuildOptions& options) {
   config.levels = choose_level_configs(options.levels);
   config.refinement = options.refinement;
   config.split = options.split;
+  config.partition = options.partition;
   config.rays = options.rays;
   config.hybrid = options.hybrid;
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
@@ -259,6 +268,8 @@ void add_build(CLI::App& app, Context& context) {
              "what splits a node: area (projected area, default) or cone (cone of normals)");
   add_parsed(*stage, "--split", options->split, parse_split, "HOW",
              "where a node is split: median (of the longest axis, default) or sah (surface area heuristic)");
+  add_parsed(*stage, "--partition", options->partition, parse_partition, "WHERE",
+             "what splits the nodes: the device (default), or one core of the host in double precision");
   add_parsed(
       *stage, "--rays", options->rays, parse_rays, "KIND",
       "what tiles are sized for: coherent rays (default) or incoherent ones, which prefer smaller tiles");

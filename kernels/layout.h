@@ -137,12 +137,13 @@ typedef struct Run {
 RBVH_LAYOUT_SIZE(Run, 12);
 
 // Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
-// RBVH_SPLIT_FACING: those whose normal has a part along `direction`; RBVH_SPLIT_COUNT: the first half of them;
-// RBVH_SPLIT_OBJECT: those of the object `middle`.
+// RBVH_SPLIT_FACING: those whose normal's cosine with `direction` is at least `position`; RBVH_SPLIT_COUNT: the first half of them;
+// RBVH_SPLIT_OBJECT: those of the object `middle`; RBVH_SPLIT_RIM: those that touch the surface's rim.
 #define RBVH_SPLIT_PLANE 0u
 #define RBVH_SPLIT_FACING 1u
 #define RBVH_SPLIT_COUNT 2u
 #define RBVH_SPLIT_OBJECT 3u
+#define RBVH_SPLIT_RIM 4u
 typedef struct Split {
   rbvh_u32 kind;
   float direction[3];  // RBVH_SPLIT_PLANE: the unit vector of an axis
@@ -202,7 +203,7 @@ typedef struct PrimitiveSums {
   float hi[3];
   float area;
   float area_normal[3];  // sum of area times unit normal; its length is the projected area
-  float unused;
+  float rims;  // how many touch the surface's rim
 } PrimitiveSums;
 RBVH_LAYOUT_SIZE(PrimitiveSums, 48);
 
@@ -224,6 +225,9 @@ typedef struct TileExtents {
 } TileExtents;
 RBVH_LAYOUT_SIZE(TileExtents, 320);
 
+// What stands steeper on a tile than this cosine of its normal and the tile's is not shown well by it.
+#define RBVH_STEEP_COSINE 0.25f
+
 // A tile being rasterised. Tile space: u, v in texels from the first texel centre; w in fine quanta, 0..RBVH_FINE_MAX.
 #define RBVH_FINE_MAX 16777215.0f
 typedef struct RasterTile {
@@ -238,8 +242,11 @@ RBVH_LAYOUT_SIZE(RasterTile, 64);
 typedef struct TileFaults {
   rbvh_u32 layered;  // texels that two layers share
   rbvh_u32 steps;    // pairs of neighbouring texels too far apart in height to be one surface
+  rbvh_u32 backs;    // texels' centres covered by what faces away
+  rbvh_u32 steep;    // area of what stands too steep to be shown, in sixteenths of a texel
+  rbvh_u32 misses;   // corners of triangles too far from the heights around them
 } TileFaults;
-RBVH_LAYOUT_SIZE(TileFaults, 8);
+RBVH_LAYOUT_SIZE(TileFaults, 20);
 
 // A finished tile's heights.
 typedef struct TileRange {

@@ -35,7 +35,7 @@ static inline void sums_store(const Sums* s, __global PrimitiveSums* out) {
   vstore3(s->hi.xyz, 0, out->hi);
   out->area = s->lo.w;
   vstore3(s->area_normal.xyz, 0, out->area_normal);
-  out->unused = 0.0f;
+  out->rims = s->area_normal.w;
 }
 
 __kernel void partition_reduce(__global const Run* runs, uint run_count, __global const uint* references,
@@ -67,8 +67,9 @@ __kernel void partition_choose(__global const Run* runs, uint run_count, __globa
     const uint j = references[i];
     const float4 lo = box_lo[j], hi = box_hi[j], n = area_normal[j];
     const bool is_left = split.kind == RBVH_SPLIT_PLANE    ? 0.5f * dot(lo + hi, direction) < split.position
-                         : split.kind == RBVH_SPLIT_FACING ? dot(n, direction) >= 0.0f
+                         : split.kind == RBVH_SPLIT_FACING ? dot(n, direction) >= split.position * length(n.xyz)
                          : split.kind == RBVH_SPLIT_OBJECT ? objects[j] == split.middle
+                         : split.kind == RBVH_SPLIT_RIM    ? n.w != 0.0f
                                                            : i < split.middle;
     sides[i] = is_left ? 0 : 1;
     if (is_left)

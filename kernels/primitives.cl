@@ -31,23 +31,43 @@ __kernel void primitives_morton(__global const float* positions, __global const 
   ids[i] = i;
 }
 
-// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w is free.
+static inline uint scramble(uint x) {
+  x = (x ^ (x >> 16)) * 0x85ebca6bu;
+  x = (x ^ (x >> 13)) * 0xc2b2ae35u;
+  return x ^ (x >> 16);
+}
+
+// Which vertices lie on a rim: inside a surface each neighbour of a vertex belongs to two of its triangles, and numbers
+// that are combined twice by exclusive or leave nothing. `left_over`: zero before; what is left of each vertex.
+__kernel void primitives_rims(__global const uint* indices, uint count, volatile __global uint* left_over) {
+  const uint i = get_global_id(0);
+  if (i >= count) return;
+  const uint a = indices[3 * i], b = indices[3 * i + 1], c = indices[3 * i + 2];
+  const uint of_a = scramble(a), of_b = scramble(b), of_c = scramble(c);
+  atomic_xor(left_over + a, of_b ^ of_c);
+  atomic_xor(left_over + b, of_c ^ of_a);
+  atomic_xor(left_over + c, of_a ^ of_b);
+}
+
+// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w: 1 where it touches a rim.
 __kernel void primitives_triangles(__global const float* positions, __global const uint* indices,
-                                   __global const uint* order, uint count, __global float* shape,
-                                   __global float4* box_lo, __global float4* box_hi, __global float4* area_normal) {
+                                   __global const uint* order, __global const uint* left_over, uint count,
+                                   __global float* shape, __global float4* box_lo, __global float4* box_hi,
+                                   __global float4* area_normal) {
   const uint j = get_global_id(0);
   if (j >= count) return;
   const uint i = order[j];
-  const float4 a = load3(positions, indices[3 * i]), b = load3(positions, indices[3 * i + 1]),
-               c = load3(positions, indices[3 * i + 2]);
+  const uint3 corner = vload3(i, indices);
+  const float4 a = load3(positions, corner.x), b = load3(positions, corner.y), c = load3(positions, corner.z);
   vstore3(a.xyz, 0, shape + 9 * (size_t)j);
   vstore3(b.xyz, 1, shape + 9 * (size_t)j);
   vstore3(c.xyz, 2, shape + 9 * (size_t)j);
-  const float4 n = 0.5f * cross(b - a, c - a);
+  float4 n = 0.5f * cross(b - a, c - a);
   float4 lo = min(a, min(b, c));
   lo.w = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
   box_lo[j] = lo;
   box_hi[j] = max(a, max(b, c));
+  n.w = (left_over[corner.x] | left_over[corner.y] | left_over[corner.z]) != 0 ? 1.0f : 0.0f;
   area_normal[j] = n;
 }
 
@@ -75,4 +95,52 @@ __kernel void primitives_discs(__global const float* positions, __global const f
   box_lo[j] = lo;
   box_hi[j] = c + reach;
   area_normal[j] = n * (spacing * spacing);
+}
+
+// The part of their area that normals' sum must have to be of one side.
+#define ONE_SIDED 0.35f
+
+// The direction that the normals of primitives [begin, end) have most of, either way: of the sum of n n^T / |n| the
+// longest row, turned further by itself.
+static inline float4 main_axis(__global const float4* area_normal, uint begin, uint end) {
+  float4 x = (float4)(0.0f), y = x, z = x;
+  for (uint i = begin; i < end; ++i) {
+    float4 n = area_normal[i];
+    n.w = 0.0f;
+    const float size = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+    if (!(size > 0.0f)) continue;
+    const float4 unit = n / size;
+    x += n * unit.x;
+    y += n * unit.y;
+    z += n * unit.z;
+  }
+  float4 axis = x.x >= y.y && x.x >= z.z ? x : y.y >= z.z ? y : z;
+  for (int turn = 0; turn < 4; ++turn) {
+    axis /= max(fabs(axis.x) + fabs(axis.y) + fabs(axis.z), 1e-37f);
+    axis = (float4)(dot(x, axis), dot(y, axis), dot(z, axis), 0.0f);
+  }
+  return axis;
+}
+
+// Areas without what noise adds that is finer than a patch of area `limit`: primitives that lie together and have no more
+// area than that get the area of their mean plane, handed out by their own. Where normals cancel, as in a thin sheet, each
+// side is for itself. One work-item looks at `window` primitives in a row.
+__kernel void primitives_smooth_areas(uint count, uint window, float limit, __global const float4* area_normal,
+                                      __global float4* box_lo) {
+  const uint first = get_global_id(0) * window, last = min(first + window, count);
+  for (uint begin = first, end; begin < last; begin = end) {
+    float area = box_lo[begin].w;
+    for (end = begin + 1; end < last && area + box_lo[end].w <= limit; ++end) area += box_lo[end].w;
+    if (end - begin < 2 || !(area > 0.0f)) continue;
+    const float4 axis = main_axis(area_normal, begin, end);
+    float4 sums[2] = {(float4)(0.0f), (float4)(0.0f)};
+    for (uint i = begin; i < end; ++i) {
+      float4 n = area_normal[i];
+      n.w = 0.0f;
+      sums[dot(n, axis) < 0.0f ? 1 : 0] += n;
+    }
+    const float one_side = length(sums[0] + sums[1]) / area;
+    const float scale = one_side > ONE_SIDED ? min(one_side, 1.0f) : min((length(sums[0]) + length(sums[1])) / area, 1.0f);
+    for (uint i = begin; i < end; ++i) box_lo[i].w *= scale;
+  }
 }

@@ -1,6 +1,7 @@
 // Tiles: finds each tile's rectangle, rasterises its primitives into height texels, and sums up what came out.
 // A texel's key orders candidates in one 32-bit atomic maximum, so the result does not depend on their order:
-//   bits 24..31  255: the primitive covers the texel's centre; below: how near it comes (254 near .. 1 far); 0: nothing
+//   bits 24..31  255: the primitive covers the texel's centre; below: how near it comes (254 near .. 1 far); 0: nothing,
+//                or, with a height, a texel where only neighbouring tiles may have something to say
 //   bits 0..23   height in fine quanta (the nearest surface along the tile's normal wins)
 #include "layout.h"
 
@@ -143,12 +144,12 @@ static inline Sample sample_triangle(const TileTriangle* t, float2 x, float reac
       d2 < -reach * (fabs(ca.x) + fabs(ca.y)))
     return s;
   const float inside = min(d0 * t->scale_ab, min(d1 * t->scale_bc, d2 * t->scale_ca));
-  s.distance = inside >= 0.0f ? 0.0f : clamp(-inside, 1e-3f, 2.0f * reach);
+  s.distance = 0.0f;
   // Seen edge-on it covers nothing, but must leave a trace: the texels right beside it.
-  if (t->flat)
+  if (inside < 0.0f || t->flat)
     s.distance = clamp(min(segment_distance(t->a, t->b, x),
                            min(segment_distance(t->b, t->c, x), segment_distance(t->c, t->a, x))),
-                       0.5f, 2.0f * reach);
+                       t->flat ? 0.5f : 1e-3f, 2.0f * reach);
   s.w = clamp(t->w0 + t->wu * x.x + t->wv * x.y, t->w_lo, t->w_hi);
   return s;
 }
@@ -209,6 +210,7 @@ typedef struct {
   TileDisc disc;
   int x0, x1, y0, y1;
   int is_disc, is_back, flat;
+  float steep;  // its area in texels, if it stands too steep on the tile to be shown there
 } TilePrimitive;
 
 static inline TilePrimitive make_primitive(__global const RasterTile* tile, __global const float* s, uint is_disc,
@@ -222,6 +224,7 @@ static inline TilePrimitive make_primitive(__global const RasterTile* tile, __gl
     hi = p.disc.center.xy + p.disc.radius;
     p.is_back = p.disc.is_back;
     p.flat = p.disc.flat;
+    p.steep = 0.0f;
   } else {
     const float4 a = to_tile(tile->to_tile, load3(s, 0)), b = to_tile(tile->to_tile, load3(s, 1)),
                  c = to_tile(tile->to_tile, load3(s, 2));
@@ -230,6 +233,9 @@ static inline TilePrimitive make_primitive(__global const RasterTile* tile, __gl
     hi = max(a.xy, max(b.xy, c.xy));
     p.is_back = p.triangle.sign < 0.0f;
     p.flat = p.triangle.flat;
+    const float4 unit = (float4)(1.0f, 1.0f, 1.0f / tile->texel_w, 0.0f);
+    const float4 n = cross((b - a) * unit, (c - a) * unit);
+    p.steep = fabs(n.z) < RBVH_STEEP_COSINE * length(n) ? 0.5f * length(n) : 0.0f;
   }
   p.x0 = max(0, (int)ceil(lo.x - reach));
   p.x1 = min((int)tile->width - 1, (int)floor(hi.x + reach));
@@ -255,20 +261,22 @@ static inline void raise(volatile __global uint* p, uint value) {
 }
 
 // keys: the winner. lowest, highest: what covers the texel's centre, to see two layers; kept as
-// RBVH_FINE_MAX - w and w, each plus one, 0: nothing. backs: per tile, how often a texel's centre is covered by
-// what faces away.
+// RBVH_FINE_MAX - w and w, each plus one, 0: nothing.
 __kernel void rasterize(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                        __global const uint* references, __global const float* shape, uint is_disc, float reach,
-                        __global uint* keys, __global uint* lowest, __global uint* highest, __global uint* backs) {
+                        __global const uint* references, __global const float* shape, uint is_disc, float own_reach,
+                        float reach, __global uint* keys, __global uint* lowest, __global uint* highest,
+                        __global TileFaults* faults) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
   uint back = 0;
+  float steep = 0.0f;
   for (uint i = runs[r].begin; i < end; ++i) {
-    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)references[i], is_disc, reach);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)references[i], is_disc, own_reach);
+    steep += p.steep;
     FOR_EACH_TEXEL(p) {
-      const Sample q = sample_primitive(&p, x, y, reach);
+      const Sample q = sample_primitive(&p, x, y, own_reach);
       if (q.distance < 0.0f) continue;
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       raise(keys + at, make_key(q.distance, reach, q.w));
@@ -278,15 +286,35 @@ __kernel void rasterize(__global const Run* runs, uint run_count, __global const
       back += p.is_back;
     }
   }
-  if (back != 0) atomic_add(backs + runs[r].owner, back);
+  if (back != 0) atomic_add(&faults[runs[r].owner].backs, back);
+  if (steep != 0.0f) atomic_add(&faults[runs[r].owner].steep, (uint)min(steep * 16.0f, 1e6f));
 }
 
 // --- the rim --------------------------------------------------------------------------------------------------------
 
+// The texels around those that a tile's primitives reach are open to its neighbours, about the height of the nearest own.
+__kernel void rasterize_widen(__global const RasterTile* tiles, uint tile_count, __global uint* keys) {
+  const uint k = get_global_id(0);
+  if (k >= tile_count) return;
+  const RasterTile tile = tiles[k];
+  for (uint y = 0; y < tile.height; ++y)
+    for (uint x = 0; x < tile.width; ++x) {
+      const uint at = tile.offset + y * tile.width + x;
+      if (keys[at] != 0) continue;
+      uint best = 0;
+      for (uint v = max(y, 1u) - 1; v <= min(y + 1, tile.height - 1); ++v)
+        for (uint u = max(x, 1u) - 1; u <= min(x + 1, tile.width - 1); ++u)
+          best = max(best, keys[tile.offset + v * tile.width + u]);
+      if (best >> 24 != 0) keys[at] = max(best & 0xffffffu, 1u);
+    }
+}
+
 // What the neighbouring tiles' primitives have to say of the texels that this tile's own reach: the same surface within
-// `gap` texels of its own is a candidate like its own; anything else there only says that the surface goes on (1).
+// `gap` texels of its own is a candidate like its own; anything else there only says that the surface goes on (1). What
+// touches the surface's rim says nothing of what is farther from it than `rim_reach`, unless it turns away there.
 __kernel void rasterize_guests(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                               __global const uint* guests, __global const float* shape, uint is_disc, float reach,
+                               __global const uint* guests, __global const float* shape,
+                               __global const float4* area_normal, uint is_disc, float rim_reach, float reach,
                                float gap, __global const uint* keys, __global uint* guest_keys) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
@@ -294,13 +322,15 @@ __kernel void rasterize_guests(__global const Run* runs, uint run_count, __globa
   __global const RasterTile* tile = tiles + runs[r].owner;
   for (uint i = runs[r].begin; i < end; ++i) {
     const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)guests[i], is_disc, reach);
+    const bool faces = !p.is_back && !p.flat && p.steep == 0.0f;
+    const float here = faces && area_normal[guests[i]].w != 0.0f ? rim_reach : 2.0f * reach;
     FOR_EACH_TEXEL(p) {
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       if (keys[at] == 0) continue;
       const Sample q = sample_primitive(&p, x, y, reach);
-      if (q.distance < 0.0f) continue;
+      if (q.distance < 0.0f || q.distance > here) continue;
       const float own = (float)(keys[at] & 0xffffffu);
-      const bool same = !is_disc && !p.is_back && !p.flat && fabs(q.w - own) <= gap * tile->texel_w;
+      const bool same = !is_disc && faces && fabs(q.w - own) <= gap * tile->texel_w;
       raise(guest_keys + at, same ? make_key(q.distance, reach, q.w) : 1u);
     }
   }
@@ -351,7 +381,7 @@ static inline float4 color_of(__global const uint* colors, uint i) {
 // centre. Of equal keys the largest value wins, so the order does not matter here either.
 __kernel void rasterize_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
                                 __global const uint* references, __global const float* shape, uint is_disc,
-                                float reach, __global const uint* keys, __global const uint* order,
+                                float own_reach, float reach, __global const uint* keys, __global const uint* order,
                                 __global const uint* indices, __global const float* normals,
                                 __global const uint* colors, uint has_colors, __global uint* texel_normals,
                                 __global uint* texel_colors) {
@@ -361,9 +391,9 @@ __kernel void rasterize_signals(__global const Run* runs, uint run_count, __glob
   __global const RasterTile* tile = tiles + runs[r].owner;
   for (uint i = runs[r].begin; i < end; ++i) {
     const uint j = references[i];
-    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)j, is_disc, reach);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)j, is_disc, own_reach);
     FOR_EACH_TEXEL(p) {
-      const Sample q = sample_primitive(&p, x, y, reach);
+      const Sample q = sample_primitive(&p, x, y, own_reach);
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
       if (is_disc) {
@@ -385,15 +415,14 @@ __kernel void rasterize_signals(__global const Run* runs, uint run_count, __glob
 
 // --- what came out --------------------------------------------------------------------------------------------------
 
-// What a tile alone shows of itself, before it looks at its neighbours. `layer_gap`, `step_limit`: in texels.
+// What else a tile alone shows of itself, before it looks at its neighbours. `layer_gap`, `step_limit`: in texels.
 __kernel void rasterize_faults(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
                                __global const uint* lowest, __global const uint* highest, float layer_gap,
                                float step_limit, __global TileFaults* faults) {
   const uint k = get_global_id(0);
   if (k >= tile_count) return;
   const RasterTile tile = tiles[k];
-  TileFaults f;
-  f.layered = f.steps = 0;
+  uint layered = 0, steps = 0;
   const float gap = layer_gap * tile.texel_w, step = step_limit * tile.texel_w;
   for (uint y = 0; y < tile.height; ++y)
     for (uint x = 0; x < tile.width; ++x) {
@@ -401,12 +430,38 @@ __kernel void rasterize_faults(__global const RasterTile* tiles, uint tile_count
       const uint key = keys[at];
       if (key == 0) continue;
       const float w = (float)(key & 0xffffffu);
-      if (highest[at] != 0 && (float)(highest[at] - 1u) - (RBVH_FINE_MAX - (float)(lowest[at] - 1u)) > gap) f.layered++;
+      if (highest[at] != 0 && (float)(highest[at] - 1u) - (RBVH_FINE_MAX - (float)(lowest[at] - 1u)) > gap) layered++;
       const uint right = x + 1 < tile.width ? keys[at + 1] : 0, below = y + 1 < tile.height ? keys[at + tile.width] : 0;
-      if (right != 0 && fabs((float)(right & 0xffffffu) - w) > step) f.steps++;
-      if (below != 0 && fabs((float)(below & 0xffffffu) - w) > step) f.steps++;
+      if (right != 0 && fabs((float)(right & 0xffffffu) - w) > step) steps++;
+      if (below != 0 && fabs((float)(below & 0xffffffu) - w) > step) steps++;
     }
-  faults[k] = f;
+  faults[k].layered = layered;
+  faults[k].steps = steps;
+}
+
+// Triangles' corners further than `miss_limit` texels from the heights that the march would find there.
+__kernel void rasterize_misses(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                               __global const uint* references, __global const float* shape, float miss_limit,
+                               __global const uint* keys, __global TileFaults* faults) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const RasterTile* tile = tiles + runs[r].owner;
+  const float limit = miss_limit * tile->texel_w;
+  uint misses = 0;
+  for (uint i = runs[r].begin; i < end; ++i)
+    for (uint k = 0; k < 3; ++k) {
+      const float4 p = to_tile(tile->to_tile, load3(shape + 9 * (size_t)references[i], k));
+      const uint x = min((uint)max(p.x, 0.0f), tile->width - 2), y = min((uint)max(p.y, 0.0f), tile->height - 2);
+      __global const uint* q = keys + tile->offset + y * tile->width + x;
+      const uint a = q[0], b = q[1], c = q[tile->width], d = q[tile->width + 1];
+      if (a == 0 || b == 0 || c == 0 || d == 0) continue;
+      const float fu = p.x - (float)x, fv = p.y - (float)y;
+      const float h0 = mix((float)(a & 0xffffffu), (float)(b & 0xffffffu), fu),
+                  h1 = mix((float)(c & 0xffffffu), (float)(d & 0xffffffu), fu);
+      misses += fabs(mix(h0, h1, fv) - p.z) > limit;
+    }
+  if (misses != 0) atomic_add(&faults[runs[r].owner].misses, misses);
 }
 
 __kernel void rasterize_range(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,

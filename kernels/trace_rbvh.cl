@@ -22,8 +22,8 @@
 #define RBVH_STACK 192
 #endif
 #define FAR 1e20f
-// A ray that comes so near to the surface on a line, in parts of the step limit (16 texels), and goes away again, hits.
-#define GRAZE (0.02f / 16.0f)
+// A ray that comes so near to the surface on a line, in parts of the step limit (8 texels), and goes away again, hits.
+#define GRAZE (0.05f / 8.0f)
 
 typedef RbvhTile Tile;
 
@@ -213,7 +213,7 @@ typedef struct {
 } Segments;
 
 // One end is nowhere, and the other near enough to the surface for the ray to meet it in between.
-#define NEAR (2.0f / 16.0f)  // slope of the surface that is reckoned with, in parts of the step limit (16 texels)
+#define NEAR (2.0f / 8.0f)  // slope of the surface that is reckoned with, in parts of the step limit (8 texels)
 static inline int16 is_halved(const Segments* s, float16 reach) {
   return (isnan(s->from_D) != isnan(s->to_D)) &
          (select(fabs(s->from_D), fabs(s->to_D), isnan(s->from_D)) <= reach);

@@ -42,6 +42,10 @@ constexpr std::uint32_t kMostExact = 64, kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
 constexpr std::uint32_t kTexelsPerExact = 11;
 
+/// Rims are kept as they are where they are less than this part of the scan (else it is a soup of pieces),
+/// and their triangles have this many texels each.
+constexpr float kMostRims = 0.25f, kLeastRimTexels = 0.5f;
+
 /// Where the focus asks for texels so different within one node, it is split.
 constexpr float kMostRhoRange = 4;
 
@@ -83,8 +87,8 @@ bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
          texels >= kTexelsPerExact * tile.leaf.primitives;
 }
 
-RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs) {
-  RasterConfig raster{.rho = rho};
+RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool rims_apart) {
+  RasterConfig raster{.rims_apart = rims_apart, .rho = rho};
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
   } else if (primitives.discs) {
@@ -183,6 +187,14 @@ Level finish_level(const LevelConfig& config, std::vector<Tile>& tiles, const Ti
   return level;
 }
 
+void append_children(const Partition& partition, const std::vector<SplitRequest>& requests,
+                     std::vector<std::uint32_t>& nodes) {
+  for (const SplitRequest& request : requests) {
+    nodes.push_back(static_cast<std::uint32_t>(partition.nodes[request.node].left));
+    nodes.push_back(static_cast<std::uint32_t>(partition.nodes[request.node].left) + 1);
+  }
+}
+
 /// The nodes at which a level stops splitting, in the order of the tree.
 std::vector<std::uint32_t> leaves_of(const Partition& partition, const LevelRule& rule) {
   std::vector<std::uint32_t> leaves, open = {0};
@@ -200,6 +212,31 @@ std::vector<std::uint32_t> leaves_of(const Partition& partition, const LevelRule
   return leaves;
 }
 
+/// Does the level keep what touches the surface's rim as it is? Tiles end at whole texels.
+bool keeps_rims(const LevelRule& rule, const PartitionNode& root) {
+  const auto count = static_cast<float>(root.count());
+  return rule.config->hybrid == Hybrid::kAuto && root.sums.rims > 0 && root.sums.rims < kMostRims * count &&
+         rule.rho(root) * root.sums.area > kLeastRimTexels * count;
+}
+
+/// Splits leaves of which a part touches the rim. Returns what is leaf then.
+std::vector<std::uint32_t> part_rims(Partition& own, const Primitives& primitives,
+                                     const std::vector<std::uint32_t>& leaves) {
+  std::vector<std::uint32_t> kept;
+  std::vector<SplitRequest> requests;
+  for (const std::uint32_t n : leaves) {
+    const PartitionNode& node = own.nodes[n];
+    if (node.sums.rims > 0 && node.sums.rims < static_cast<float>(node.count()))
+      requests.push_back({n, SplitBy::kRim});
+    else
+      kept.push_back(n);
+  }
+  sort_references(own, requests);
+  split_once(own, primitives, requests);
+  append_children(own, requests, kept);
+  return kept;
+}
+
 Level build_level(const Device& device, const Primitives& primitives, const Partition& partition,
                   const LevelRule& rule, PhaseClock& clock, BuildTimings& time) {
   const Hybrid hybrid = rule.config->hybrid;
@@ -210,10 +247,15 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
   Partition own{.nodes = partition.nodes,
                 .references = Buffer<std::uint32_t>(device, primitives.count),
                 .cones = false,
-                .rule = rule.config->split};
+                .rule = rule.config->split,
+                .host = partition.host};
   own.references.copy_from(partition.references, primitives.count);
+  std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
+  const bool rims_apart = keeps_rims(rule, partition.nodes[0]);
+  if (rims_apart) leaves = part_rims(own, primitives, leaves);
   const auto is_final = [&](Tile& tile) {
     const PartitionNode& node = own.nodes[tile.node];
+    if (rims_apart && node.sums.rims > 0) tile.is_faulty = true;
     tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
     tile.is_exact = keeps_primitives(hybrid, tile, keeps_discs);
     const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
@@ -223,28 +265,26 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
   std::vector<Tile> tiles;
   TileTexels texels;
   // The level's leaves, then the children of those whose tile turned out faulty, until all is well or small.
-  std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
   for (bool is_first = true; !leaves.empty(); is_first = false) {
     // Those of equal quality together: without a focus, all.
     std::map<float, std::vector<std::uint32_t>> by_rho;
     for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
     std::vector<SplitRequest> requests;
     for (const auto& [rho, group] : by_rho)
-      for (const Tile& tile : rasterize_tiles(
-               primitives, own, group, raster_config(rho, primitives, keeps_discs), is_final, texels)) {
+      for (const Tile& tile :
+           rasterize_tiles(primitives, own, group, raster_config(rho, primitives, keeps_discs, rims_apart),
+                           is_final, texels)) {
         if (tile.is_final)
           tiles.push_back(tile);
         else
-          requests.push_back({tile.node, tile.has_back, tile.w});
+          requests.push_back({tile.node, tile.has_back || tile.is_steep ? SplitBy::kFacing : SplitBy::kRule,
+                              tile.w, tile.has_back ? 0.0f : RBVH_STEEP_COSINE});
       }
     clock.lap(time.rasterize);
     if (is_first && !requests.empty()) sort_references(own, requests);
     split_once(own, primitives, requests);
     leaves.clear();
-    for (const SplitRequest& request : requests) {
-      leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left));
-      leaves.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left) + 1);
-    }
+    append_children(own, requests, leaves);
     clock.lap(time.partition);
   }
   Level level = finish_level(rule.level, tiles, texels, own, primitives);
@@ -277,7 +317,7 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   report(progress, "upload", 0);
   const Primitives primitives = upload_primitives(device, scan);
   const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones, config.split);
+  Partition partition = make_root(primitives, cones, config.split, config.partition);
   const float own_area = partition.nodes[0].sums.area;
   const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");

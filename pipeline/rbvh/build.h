@@ -31,6 +31,7 @@ struct BuildConfig {
   std::vector<LevelConfig> levels = standard_levels();
   Refinement refinement = Refinement::kProjectedArea;
   SplitRule split = SplitRule::kSpatialMedian;
+  PartitionWhere partition = PartitionWhere::kDevice;
   RaysKind rays = RaysKind::kCoherent;
   std::optional<Focus> focus = std::nullopt;
   float tile_side = 0;  ///< the largest of a tile, texels; 0: optimal_resolution()

@@ -4,6 +4,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/choose_split.h"
+#include "pipeline/rbvh/partition_host.h"
 
 namespace rbvh {
 namespace {
@@ -22,6 +23,7 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
     to.area_normal[k] += from.area_normal[k];
   }
   to.area += from.area;
+  to.rims += from.rims;
   to.count += from.count;
 }
 
@@ -75,7 +77,8 @@ void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begi
     runs.push_back({owner, at, at + std::min(run_length, end - at)});
 }
 
-Partition make_root(const Primitives& primitives, bool cones, SplitRule rule) {
+Partition make_root(const Primitives& primitives, bool cones, SplitRule rule, PartitionWhere where) {
+  if (where == PartitionWhere::kHost) return make_root_on_host(primitives, cones, rule);
   const Device& device = primitives.device;
   std::vector<std::uint32_t> identity(primitives.count);
   std::iota(identity.begin(), identity.end(), 0u);
@@ -175,6 +178,8 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
 
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress) {
+  if (partition.host != nullptr)
+    return split_nodes_on_host(partition, std::move(active), wants_split, progress);
   const std::vector<PartitionNode>& nodes = partition.nodes;
   std::erase_if(active, [&](std::uint32_t n) { return nodes[n].count() < 2; });
   while (!active.empty()) {
@@ -195,14 +200,16 @@ void split_nodes(Partition& partition, const Primitives& primitives, std::vector
 void split_once(Partition& partition, const Primitives& primitives,
                 const std::vector<SplitRequest>& requests) {
   if (requests.empty()) return;
+  if (partition.host != nullptr) return split_once_on_host(partition, requests);
   std::vector<std::uint32_t> active;
   for (const SplitRequest& request : requests) active.push_back(request.node);
   std::vector<Split> splits = choose_splits(partition, primitives, active);
   for (std::size_t k = 0; k < requests.size(); ++k) {
-    if (!requests[k].by_facing || splits[k].kind == RBVH_SPLIT_OBJECT) continue;
+    if (requests[k].by == SplitBy::kRule || splits[k].kind == RBVH_SPLIT_OBJECT) continue;
     splits[k] = spatial_median(partition.nodes[requests[k].node]);
-    splits[k].kind = RBVH_SPLIT_FACING;
+    splits[k].kind = requests[k].by == SplitBy::kFacing ? RBVH_SPLIT_FACING : RBVH_SPLIT_RIM;
     std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
+    splits[k].position = requests[k].cosine;
   }
   split_level(partition, primitives, active, std::move(splits));
 }

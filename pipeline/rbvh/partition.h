@@ -1,9 +1,10 @@
-// The tree over primitives (section 6 of the paper): breadth-first, on the device; where a node is split,
-// choose_split.h says. Where a node ends up as a leaf depends on the level; one tree serves all levels, each
-// being a cut through it.
+// The tree over primitives (section 6 of the paper): breadth-first, on the device or, where that is asked
+// for, on the host (partition_host.h); where a node is split, choose_split.h says. Where a node ends up as a
+// leaf depends on the level; one tree serves all levels, each being a cut through it.
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "kernels/layout.h"
@@ -35,12 +36,17 @@ enum class SplitRule {
   kSurfaceArea,    ///< the least of equation 1, S(b) A(b) + S(c) A(c), among 32 planes along each axis
 };
 
+enum class PartitionWhere { kDevice, kHost };
+
+struct HostPrimitives;
+
 /// The tree so far. Node 0 is the root.
 struct Partition {
   std::vector<PartitionNode> nodes;
   Buffer<std::uint32_t> references;  ///< indices into Primitives
   bool cones = false;
   SplitRule rule = SplitRule::kSpatialMedian;
+  std::shared_ptr<const HostPrimitives> host = {};  ///< the host splits; none: the device does
 };
 
 /// Cuts [begin, end) into runs of at most `run_length` references.
@@ -49,18 +55,26 @@ void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begi
 
 /// With `cones`, this node and all that come of it know their cone of normals: one more pass over the
 /// primitives.
-Partition make_root(const Primitives& primitives, bool cones, SplitRule rule = SplitRule::kSpatialMedian);
+Partition make_root(const Primitives& primitives, bool cones, SplitRule rule = SplitRule::kSpatialMedian,
+                    PartitionWhere where = PartitionWhere::kDevice);
 
 /// Splits the given nodes, what belongs to exactly two objects by these and all others by the partition's
 /// rule, then their children as long as `wants_split` says so. A node of one primitive is never split.
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
 
+enum class SplitBy {
+  kRule,    ///< as split_nodes()
+  kFacing,  ///< what faces along `facing` from what does not
+  kRim,     ///< what touches the surface's rim from what does not
+};
+
 /// A node to be split once.
 struct SplitRequest {
   std::uint32_t node;
-  bool by_facing = false;  ///< what faces along `facing` from what does not, else as split_nodes()
+  SplitBy by = SplitBy::kRule;
   Vec3f facing{};
+  float cosine = 0;  ///< with `facing`, the least one of what faces along it
 };
 
 /// Splits each node once, also nodes that have children: those are forgotten.

@@ -10,6 +10,12 @@
 namespace rbvh {
 namespace {
 
+/// Texels of a whole scan at Q0, whatever levels are built: each is the same alone and among others. Slopes
+/// that so few of them in one patch could not show are noise.
+constexpr double kFinestTexels = 2e6, kPatchTexels = 4;
+/// Primitives in a row that are looked through for patches.
+constexpr std::uint32_t kWindow = 64;
+
 template <class T>
 std::span<const float> floats(const std::vector<T>& values) {
   return {reinterpret_cast<const float*>(values.data()), values.size() * sizeof(T) / sizeof(float)};
@@ -71,19 +77,31 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
   p.box_lo = Buffer<Float4>(device, count);
   p.box_hi = Buffer<Float4>(device, count);
   p.area_normal = Buffer<Float4>(device, count);
+  double area = 0;
   if (p.discs) {
     const Buffer<float> radii(device, scan.radii);
+    const double spacing = spacing_per_radius(scan);
     double sum = 0;
-    for (const float r : scan.radii) sum += r;
+    for (const float r : scan.radii) {
+      sum += r;
+      area += spacing * spacing * static_cast<double>(r) * static_cast<double>(r);
+    }
     p.mean_radius = static_cast<float>(sum / static_cast<double>(count));
     device.kernel("primitives", "primitives_discs")
-        .run(count, group, positions, p.normals, radii, static_cast<float>(spacing_per_radius(scan)), p.order,
-             p.count, p.shape, p.box_lo, p.box_hi, p.area_normal);
+        .run(count, group, positions, p.normals, radii, static_cast<float>(spacing), p.order, p.count,
+             p.shape, p.box_lo, p.box_hi, p.area_normal);
   } else {
+    Buffer<std::uint32_t> left_over(device, vertices);
+    left_over.fill(0);
+    device.kernel("primitives", "primitives_rims").run(count, group, p.indices, p.count, left_over);
+    area = surface_area(scan);
     device.kernel("primitives", "primitives_triangles")
-        .run(count, group, positions, p.indices, p.order, p.count, p.shape, p.box_lo, p.box_hi,
+        .run(count, group, positions, p.indices, p.order, left_over, p.count, p.shape, p.box_lo, p.box_hi,
              p.area_normal);
   }
+  device.kernel("primitives", "primitives_smooth_areas")
+      .run((count + kWindow - 1) / kWindow, job_group_size(device), p.count, kWindow,
+           static_cast<float>(kPatchTexels * area / kFinestTexels), p.area_normal, p.box_lo);
   device.finish();
   return p;
 }

@@ -19,8 +19,9 @@ struct Primitives {
   Buffer<std::uint32_t> order;    ///< Morton order -> index in the scan
   Buffer<std::uint32_t> indices;  ///< 3 vertices a triangle, in the scan's order; one dummy for discs
   Buffer<float> shape;            ///< 9 floats each (kernels/primitives.cl)
-  Buffer<Float4> box_lo;          ///< w: area
-  Buffer<Float4> box_hi, area_normal;
+  Buffer<Float4> box_lo;          ///< w: area, without what noise finer than Q0's texels adds
+  Buffer<Float4> box_hi;
+  Buffer<Float4> area_normal;    ///< w: 1 where the primitive touches the surface's rim
   Buffer<float> normals;         ///< 3 per vertex, unit
   Buffer<std::uint32_t> colors;  ///< 0xBBGGRR per vertex; one dummy without colours
   bool has_colors = false;

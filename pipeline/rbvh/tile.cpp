@@ -151,6 +151,7 @@ struct Raster {
   const Device& device() const { return primitives.device; }
   std::size_t group() const { return job_group_size(primitives.device); }
   std::uint32_t discs() const { return primitives.discs ? 1 : 0; }
+  float own_reach() const { return primitives.discs ? config.reach : config.own_reach; }
   std::uint32_t tile_count() const { return static_cast<std::uint32_t>(tiles.size()); }
   const PartitionNode& node(std::size_t k) const { return partition.nodes[nodes[k]]; }
 };
@@ -200,18 +201,22 @@ std::vector<Tile> rasterize_heights(Raster& raster, const Runs& own, const std::
   const Device& device = raster.device();
   const Buffer<RasterTile> tiles(device, raster.tiles);
   raster.keys = Buffer<std::uint32_t>(device, raster.texel_count);
-  Buffer<std::uint32_t> lowest(device, raster.texel_count), highest(device, raster.texel_count),
-      backs(device, raster.tiles.size());
-  for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest, &backs}) buffer->fill(0);
+  Buffer<std::uint32_t> lowest(device, raster.texel_count), highest(device, raster.texel_count);
+  for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest}) buffer->fill(0);
+  const Buffer<TileFaults> device_faults(device, std::vector<TileFaults>(raster.tiles.size()));
+  const RasterConfig& config = raster.config;
   device.kernel("rasterize", "rasterize")
       .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
-           raster.primitives.shape, raster.discs(), raster.config.reach, raster.keys, lowest, highest, backs);
-  const Buffer<TileFaults> device_faults(device, raster.tiles.size());
+           raster.primitives.shape, raster.discs(), raster.own_reach(), config.reach, raster.keys, lowest,
+           highest, device_faults);
   device.kernel("rasterize", "rasterize_faults")
       .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, lowest, highest,
-           raster.config.layer_gap, raster.config.step_limit, device_faults);
+           config.layer_gap, config.step_limit, device_faults);
+  if (!raster.primitives.discs)
+    device.kernel("rasterize", "rasterize_misses")
+        .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
+             raster.primitives.shape, config.miss_limit, raster.keys, device_faults);
   const std::vector<TileFaults> faults = device_faults.read();
-  const std::vector<std::uint32_t> back_texels = backs.read();
   std::vector<Tile> drafts(raster.tiles.size());
   for (std::size_t k = 0; k < drafts.size(); ++k) {
     Tile& draft = drafts[k];
@@ -219,8 +224,10 @@ std::vector<Tile> rasterize_heights(Raster& raster, const Runs& own, const std::
     draft.leaf.width = static_cast<std::uint16_t>(raster.tiles[k].width);
     draft.leaf.height = static_cast<std::uint16_t>(raster.tiles[k].height);
     draft.leaf.primitives = raster.node(k).count();
-    draft.has_back = back_texels[k] > 0;
-    draft.is_faulty = draft.has_back || faults[k].layered > 0 || faults[k].steps > 0;
+    draft.has_back = faults[k].backs > 0;
+    draft.is_steep = static_cast<float>(faults[k].steep) > 16 * config.steep_limit;
+    draft.is_faulty = draft.has_back || draft.is_steep || faults[k].layered > 0 || faults[k].steps > 0 ||
+                      faults[k].misses > 0;
     draft.w = Vec3f(vec(axes[k].w));
   }
   return drafts;
@@ -260,9 +267,14 @@ void merge_guests(const Raster& raster, const Buffer<RasterTile>& tiles, const G
   Buffer<std::uint32_t> guest_keys(raster.device(), raster.texel_count);
   guest_keys.fill(0);
   raster.device()
+      .kernel("rasterize", "rasterize_widen")
+      .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys);
+  raster.device()
       .kernel("rasterize", "rasterize_guests")
       .run(runs.count, raster.group(), runs.runs, runs.count, tiles, guests.primitives,
-           raster.primitives.shape, raster.discs(), config.reach, config.layer_gap, raster.keys, guest_keys);
+           raster.primitives.shape, raster.primitives.area_normal, raster.discs(),
+           config.rims_apart ? config.rim_reach : 2 * config.reach, config.reach, config.layer_gap,
+           raster.keys, guest_keys);
   // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
   raster.device()
       .kernel("rasterize", "rasterize_merge")
@@ -295,7 +307,7 @@ std::vector<std::uint16_t> quantize(const Raster& raster, const Buffer<RasterTil
     for (int c = 0; c < 3; ++c) row[c] *= scales[k];
     row[3] = (row[3] - static_cast<float>(bases[k])) * scales[k] + 1.0f;
     tile.texels_used = ranges[k].used;
-    const float rim = 0.25f * texel_size(from);
+    const float rim = 0.4f * texel_size(from);
     const Vec3f pad{rim, rim, rim};
     tile.bounds = raster.node(k).bounds();
     tile.bounds.lo = tile.bounds.lo - pad;
@@ -335,14 +347,14 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
   Buffer<std::uint32_t> normals(device, raster.texel_count), colors(device, raster.texel_count);
   normals.fill(0);
   colors.fill(0);
-  const auto signals = [&](const Runs& of, const Buffer<std::uint32_t>& references) {
+  const auto signals = [&](const Runs& of, const Buffer<std::uint32_t>& references, float reach) {
     device.kernel("rasterize", "rasterize_signals")
         .run(of.count, raster.group(), of.runs, of.count, tiles, references, primitives.shape, raster.discs(),
-             raster.config.reach, raster.keys, primitives.order, primitives.indices, primitives.normals,
-             primitives.colors, primitives.has_colors ? 1u : 0u, normals, colors);
+             reach, raster.config.reach, raster.keys, primitives.order, primitives.indices,
+             primitives.normals, primitives.colors, primitives.has_colors ? 1u : 0u, normals, colors);
   };
-  signals(own, raster.partition.references);
-  signals(visiting, guests.primitives);
+  signals(own, raster.partition.references, raster.own_reach());
+  signals(visiting, guests.primitives, raster.config.reach);
 
   std::size_t first = texels.heights.size();
   for (Tile& tile : finished) {

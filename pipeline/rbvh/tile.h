@@ -22,6 +22,7 @@ struct Tile {
   bool is_final = false;        ///< else it has no texels yet, and is to be split
   bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
   bool has_back = false;        ///< part of it faces away: better split by facing, along w
+  bool is_steep = false;        ///< part of it stands on the tile's plane: likewise
   Vec3f w;                      ///< the tile's outside, unit
 };
 
@@ -31,17 +32,23 @@ struct TileTexels {
 };
 
 struct RasterConfig {
+  bool rims_apart = false;  ///< what touches the surface's rim is not in tiles
   float rho = 0;            ///< texels per unit of area, scan units: the paper's rho / total area
   float fill = 1.5f;        ///< the tile's rectangle is taken to be so much larger than what is covered of it
-  float reach = 2.0f;       ///< texels that a tile reaches past its primitives, where its neighbours' go on
-  float turn_reach = 0.9f;  ///< where they turn away: over a crest, say
+  float own_reach = 1.0f;   ///< texels past a triangle that it speaks for; a disc: `reach`
+  float reach = 2.0f;       ///< texels past a tile's primitives that its neighbours' may speak for
+  float turn_reach = 1.2f;  ///< where they turn away: over a crest, say
   float open_reach = 0.6f;  ///< where nothing does: the surface ends there
+  float rim_reach = 0.45f;  ///< texels past a rim that is not in tiles that they may reach
   float layer_gap = 2;      ///< two coverings of a texel further apart (texels) are two layers
-  float step_limit = 3;     ///< neighbours further apart in height (texels) than this are worth a split
+  float steep_limit = 4;    ///< area (texels) of what stands steep on the tile that is worth a split
+  float miss_limit =
+      0.75f;  ///< corners of triangles further (texels) from the heights around them are worth a split
+  float step_limit = 2;  ///< neighbours further apart in height (texels) than this are worth a split
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.
-inline constexpr float kStepLimitTexels = 16;
+inline constexpr float kStepLimitTexels = 8;
 
 /// The paper's R = sqrt(rho A^2 / A_projected): the side of a square tile in texels. Folded noise is not
 /// allowed to inflate it without bound.

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "tests/bench/paper_tables.h"
+
 namespace rbvh::bench {
 namespace {
 
@@ -38,13 +40,6 @@ const RaysResult* best_embree(const Report& report, const std::string& rays) {
   return best;
 }
 
-const BuildResult* find_build(const Report& report, const std::string& engine, const std::string& name) {
-  for (const BuildResult& b : report.builds) {
-    if (b.engine == engine && b.name == name) return &b;
-  }
-  return nullptr;
-}
-
 std::string primitives(const Report& r) {
   const bool cloud = r.triangles == 0;
   const auto count = static_cast<double>(cloud ? r.points : r.triangles);
@@ -52,27 +47,38 @@ std::string primitives(const Report& r) {
          (cloud ? " discs" : " tris");
 }
 
-std::string milliseconds(const BuildResult* build) {
-  return build != nullptr ? format("%.0f", build->total.median() * 1e3) : "-";
-}
-
 std::string megabytes(std::size_t bytes) { return format("%.2f", static_cast<double>(bytes) * 1e-6); }
+
+std::size_t primitive_count(const Report& r) { return r.triangles > 0 ? r.triangles : r.points; }
 
 void table_1(const std::vector<Report>& reports, std::string& out) {
   out +=
-      "\nTable 1: nodes, build time and tracing (million rays per second) by level\n\n"
-      "| Scene | Level | Nodes | Leaves | Texels | Used | Build [ms] | Primary | Diffuse |\n"
-      "| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+      "\nTable 1: where nodes are split, Q0 (rates in million rays per second, and of the surface area "
+      "heuristic's; the paper's seconds are one core's)\n\n"
+      "| Scene | Split | by | Nodes | Partition [s] | Build [s] | Primary | of SAH | Diffuse | of SAH | "
+      "Paper: "
+      "nodes | build [s] | rate | of SAH |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
   for (const Report& r : reports) {
-    for (const LevelResult& level : r.levels) {
-      const RaysResult* primary = find_rays(r, "primary", "rbvh", level.name);
-      const RaysResult* diffuse = find_rays(r, "diffuse", "rbvh", level.name);
-      out += format("| %s (%s) | %s | %zu | %zu | %zu | %.0f%% | %s | %.2f | %.2f |\n", r.scan.c_str(),
-                    primitives(r).c_str(), level.name.c_str(), level.nodes, level.leaves, level.texels,
-                    100.0 * static_cast<double>(level.texels_used) /
-                        static_cast<double>(std::max<std::size_t>(1, level.texels)),
-                    milliseconds(find_build(r, "rbvh", level.name)).c_str(), primary ? primary->mrays() : 0.0,
-                    diffuse ? diffuse->mrays() : 0.0);
+    const PaperSplits& paper = nearest_scene(kPaperTable1, primitive_count(r));
+    for (const SplitResult& split : r.splits) {
+      const SplitResult* sah = nullptr;
+      for (const SplitResult& other : r.splits)
+        if (other.is_sah && other.on_host == split.on_host) sah = &other;
+      const auto of_sah = [&](const RaysResult SplitResult::*rays) {
+        return sah == nullptr ? 0 : median_ratio((sah->*rays).timing, (split.*rays).timing);
+      };
+      double partition = 0;
+      for (const BuildResult::Phase& phase : split.build.phases)
+        if (phase.name == "partition") partition = phase.timing.median();
+      out += format("| %s (%s) | %s | %s | %zu | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |", r.scan.c_str(),
+                    primitives(r).c_str(), split.is_sah ? "SAH" : "median", split.on_host ? "host" : "device",
+                    split.nodes, partition, split.build.total.median(), split.primary.mrays(),
+                    of_sah(&SplitResult::primary), split.diffuse.count > 0 ? split.diffuse.mrays() : 0.0,
+                    split.diffuse.count > 0 ? of_sah(&SplitResult::diffuse) : 0.0);
+      const PaperSplits::Row& row = split.is_sah ? paper.sah : paper.median;
+      out += format(" %.0f (%s) | %.1f | %.1f | %.2f |\n", row.nodes, paper.scene, row.seconds, row.mrays,
+                    row.mrays / paper.sah.mrays);
     }
   }
 }
@@ -80,65 +86,102 @@ void table_1(const std::vector<Report>& reports, std::string& out) {
 void table_2(const std::vector<Report>& reports, std::string& out) {
   for (const std::string rays : {"primary", "diffuse"}) {
     out += "\nTable 2: " + rays +
-           " rays, million per second; speedup over Embree's best (median of ratios)\n\n| Scene | Primitives "
-           "| Embree's best | Exact |";
-    std::string line = "| --- | --- | --- | --- |";
-    for (const LevelResult& level : reports.front().levels) {
-      out += " " + level.name + " |";
-      line += " --- |";
-    }
-    out += " Speedup |\n" + line + " --- |\n";
+           " rays, million per second; of the triangle BVH's (ours: Embree's best, medians of ratios)\n\n"
+           "| Scene | Structure | Rate | of the BVH | Paper: scene | rate | of the BVH |\n"
+           "| --- | --- | --- | --- | --- | --- | --- |\n";
     for (const Report& r : reports) {
-      const RaysResult* embree = best_embree(r, rays);
-      const RaysResult* exact = find_rays(r, rays, "exact", {});
-      out += format("| %s | %s | %s | %.2f |", r.scan.c_str(), primitives(r).c_str(),
-                    embree ? format("%.2f (%s)", embree->mrays(), embree->name.c_str()).c_str() : "-",
-                    exact ? exact->mrays() : 0.0);
-      std::string speedups;
-      for (const LevelResult& level : r.levels) {
-        const RaysResult* traced = find_rays(r, rays, "rbvh", level.name);
-        out += traced ? format(" %.2f |", traced->mrays()) : " - |";
-        if (traced && embree) speedups += (speedups.empty() ? "" : ", ") + format("%.2f", traced->speedup);
+      const PaperRates& paper = nearest_scene(kPaperTable2, primitive_count(r));
+      const double paper_bvh = rays == "primary" ? paper.primary_bvh : paper.diffuse_bvh;
+      const std::string scene = r.scan + " (" + primitives(r) + ")";
+      if (const RaysResult* embree = best_embree(r, rays))
+        out += format("| %s | BVH: Embree, %s | %.2f | 1 | %s | %.1f | 1 |\n", scene.c_str(),
+                      embree->name.c_str(), embree->mrays(), paper.scene, paper_bvh);
+      if (const RaysResult* exact = find_rays(r, rays, "exact", {}))
+        out += format("| %s | BVH: ours, exact | %.2f | %.2f | | | |\n", scene.c_str(), exact->mrays(),
+                      exact->speedup);
+      for (std::size_t i = 0; i < r.levels.size(); ++i) {
+        const RaysResult* traced = find_rays(r, rays, "rbvh", r.levels[i].name);
+        if (traced == nullptr || i >= paper.primary.size()) continue;
+        const double paper_rate = (rays == "primary" ? paper.primary : paper.diffuse)[i];
+        out +=
+            format("| %s | %s | %.2f | %.2f | %s | %.1f | %.2f |\n", scene.c_str(), r.levels[i].name.c_str(),
+                   traced->mrays(), traced->speedup, paper.scene, paper_rate, paper_rate / paper_bvh);
       }
-      out += " " + (speedups.empty() ? "-" : speedups) + " |\n";
     }
   }
 }
 
 void table_3(const std::vector<Report>& reports, std::string& out) {
   out +=
-      "\nTable 3: memory in megabytes: tree + geometry (triangles or atlas) = total\n\n"
-      "| Scene | Structure | Tree | Geometry | Total | of Embree MEDIUM |\n| --- | --- | --- | --- | --- | "
-      "--- |\n";
+      "\nTable 3: memory in megabytes: tree + geometry (triangles or atlas) = total, and of the BVH's (ours: "
+      "Embree MEDIUM)\n\n"
+      "| Scene | Structure | Tree | Geometry | Total | bytes a primitive | of the BVH | Paper: scene | total "
+      "| bytes a "
+      "triangle | of the BVH |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
   for (const Report& r : reports) {
     double whole = 0;
     for (const MemoryResult& m : r.memory) {
       if (m.engine == "embree" && whole == 0) whole = static_cast<double>(m.total());
     }
+    const PaperMemory& paper = nearest_scene(kPaperTable3, primitive_count(r));
+    const double paper_whole = paper.bvh_tree + paper.bvh_triangles;
     for (const MemoryResult& m : r.memory) {
+      const double theirs = m.engine == "embree" ? paper_whole
+                            : m.name == "Q0"     ? paper.q0_tree + paper.q0_atlas
+                            : m.name == "Q2"     ? paper.q2
+                            : m.name == "Q4"     ? paper.q4
+                                                 : 0;
       out +=
-          format("| %s | %s %s | %s | %s | %s | %s |\n", r.scan.c_str(), m.engine.c_str(), m.name.c_str(),
-                 megabytes(m.tree).c_str(), megabytes(m.geometry).c_str(), megabytes(m.total()).c_str(),
+          format("| %s (%s) | %s %s | %s | %s | %s | %.2f | %s |", r.scan.c_str(), primitives(r).c_str(),
+                 m.engine.c_str(), m.name.c_str(), megabytes(m.tree).c_str(), megabytes(m.geometry).c_str(),
+                 megabytes(m.total()).c_str(),
+                 static_cast<double>(m.total()) / static_cast<double>(primitive_count(r)),
                  whole > 0 ? format("%.1f%%", 100.0 * static_cast<double>(m.total()) / whole).c_str() : "-");
+      out += theirs > 0 ? format(" %s | %.2f | %.2f | %.1f%% |\n", paper.scene, theirs,
+                                 theirs * 1e6 / paper.triangles, 100 * theirs / paper_whole)
+                        : std::string(" | | | |\n");
     }
   }
 }
 
 void table_4(const std::vector<Report>& reports, std::string& out) {
   out +=
-      "\nTable 4: build times in milliseconds (medians)\n\n| Scene | Structure | Total | Phases |\n| --- | "
-      "--- | --- | --- |\n";
+      "\nTable 4: build times in milliseconds (medians); \"host\": one core of the host partitions, the "
+      "device "
+      "rasterises\n\n| Scene | Structure | Total | Phases | Paper: scene | total |\n| --- | --- | --- | --- "
+      "| --- | "
+      "--- |\n";
+  constexpr const char* kRows[] = {"Q0", "Q2", "Q4"};
   for (const Report& r : reports) {
+    const PaperBuilds& paper = nearest_scene(kPaperTable4, primitive_count(r));
     for (const BuildResult& b : r.builds) {
       std::string phases;
       for (const BuildResult::Phase& phase : b.phases) {
         phases +=
             (phases.empty() ? "" : ", ") + format("%s %.0f", phase.name.c_str(), phase.timing.median() * 1e3);
       }
-      out += format("| %s | %s %s | %.0f | %s |\n", r.scan.c_str(), b.engine.c_str(), b.name.c_str(),
-                    b.total.median() * 1e3, phases.c_str());
+      std::string theirs = " | |";
+      for (std::size_t i = 0; i < std::size(kRows) && b.engine == "rbvh"; ++i) {
+        if (b.name == kRows[i]) theirs = format(" %s, GPU | %.0f |", paper.scene, paper.gpu[i]);
+        if (b.name == std::string(kRows[i]) + " host")
+          theirs = format(" %s, CPU | %.0f |", paper.scene, paper.cpu[i]);
+      }
+      out += format("| %s (%s) | %s %s | %.0f | %s |%s\n", r.scan.c_str(), primitives(r).c_str(),
+                    b.engine.c_str(), b.name.c_str(), b.total.median() * 1e3, phases.c_str(), theirs.c_str());
     }
   }
+}
+
+void levels_table(const std::vector<Report>& reports, std::string& out) {
+  out +=
+      "\nLevels\n\n| Scene | Level | Nodes | Leaves | Texels | Used |\n| --- | --- | --- | --- | --- | --- "
+      "|\n";
+  for (const Report& r : reports)
+    for (const LevelResult& level : r.levels)
+      out += format("| %s (%s) | %s | %zu | %zu | %zu | %.0f%% |\n", r.scan.c_str(), primitives(r).c_str(),
+                    level.name.c_str(), level.nodes, level.leaves, level.texels,
+                    100.0 * static_cast<double>(level.texels_used) /
+                        static_cast<double>(std::max<std::size_t>(1, level.texels)));
 }
 
 /// A CSV field: quoted where it must be.
@@ -183,7 +226,7 @@ int compare_with_best(Report& report, const std::string& rays) {
   return static_cast<int>(best - report.rays.data());
 }
 
-std::string markdown(const std::vector<Report>& reports) {
+std::string markdown(const std::vector<Report>& reports, const std::vector<int>& tables) {
   std::string out;
   if (reports.empty()) return out;
   const Report& r = reports.front();
@@ -191,10 +234,14 @@ std::string markdown(const std::vector<Report>& reports) {
                 r.version.c_str(), r.device.c_str(),
                 r.embree.empty() ? "without Embree" : ("Embree " + r.embree).c_str(), r.threads, r.resolution,
                 r.resolution, r.repetitions);
-  table_1(reports, out);
-  table_2(reports, out);
-  table_3(reports, out);
-  table_4(reports, out);
+  const auto wants = [&](int table) {
+    return std::find(tables.begin(), tables.end(), table) != tables.end();
+  };
+  if (wants(1)) table_1(reports, out);
+  if (wants(2)) table_2(reports, out);
+  if (wants(3)) table_3(reports, out);
+  if (wants(4)) table_4(reports, out);
+  levels_table(reports, out);
   return out;
 }
 
@@ -231,6 +278,17 @@ std::string csv(const std::vector<Report>& reports) {
       };
       times("total", b.total);
       for (const BuildResult::Phase& phase : b.phases) times(phase.name, phase.timing);
+    }
+    for (const SplitResult& x : r.splits) {
+      const std::string name = std::string(x.is_sah ? "SAH" : "median") + (x.on_host ? " host" : " device");
+      figure("split", "rbvh", name, "nodes", "1", static_cast<double>(x.nodes));
+      row("split", "rbvh", name, "build", "s", x.build.total.median(), x.build.total.least(),
+          x.build.total.most(), x.build.total.seconds.size());
+      for (const BuildResult::Phase& phase : x.build.phases)
+        row("split", "rbvh", name, phase.name, "s", phase.timing.median(), phase.timing.least(),
+            phase.timing.most(), phase.timing.seconds.size());
+      for (const auto& [what, rays] : {std::pair{"primary", &x.primary}, std::pair{"diffuse", &x.diffuse}})
+        if (rays->count > 0) figure("split", "rbvh", name, what, "Mrays/s", rays->mrays());
     }
     for (const MemoryResult& m : r.memory) {
       figure("memory", m.engine, m.name, "tree", "bytes", static_cast<double>(m.tree));
@@ -279,6 +337,18 @@ std::string json(const std::vector<Report>& reports) {
       for (const BuildResult::Phase& phase : b.phases)
         build["phases"][phase.name] = timing_json(phase.timing);
       j["builds"].push_back(build);
+    }
+    for (const SplitResult& x : r.splits) {
+      nlohmann::ordered_json split = {{"split", x.is_sah ? "sah" : "median"},
+                                      {"partition", x.on_host ? "host" : "device"},
+                                      {"nodes", x.nodes},
+                                      {"seconds", timing_json(x.build.total)}};
+      for (const BuildResult::Phase& phase : x.build.phases)
+        split["phases"][phase.name] = timing_json(phase.timing);
+      for (const auto& [what, rays] : {std::pair{"primary", &x.primary}, std::pair{"diffuse", &x.diffuse}})
+        if (rays->count > 0)
+          split[what] = {{"mrays_per_second", rays->mrays()}, {"seconds", timing_json(rays->timing)}};
+      j["splits"].push_back(split);
     }
     for (const MemoryResult& m : r.memory) {
       j["memory"].push_back(

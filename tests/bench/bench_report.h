@@ -39,6 +39,14 @@ struct BuildResult {
   std::vector<Phase> phases;
 };
 
+/// A row of the paper's table 1.
+struct SplitResult {
+  bool is_sah = false, on_host = false;
+  std::size_t nodes = 0;
+  BuildResult build;
+  RaysResult primary, diffuse;
+};
+
 struct MemoryResult {
   std::string engine, name;
   std::size_t tree = 0, geometry = 0;  ///< bytes; Embree's own copy of the geometry counts as tree
@@ -60,12 +68,14 @@ struct Report {
   std::vector<RaysResult> rays;
   std::vector<BuildResult> builds;
   std::vector<MemoryResult> memory;
+  std::vector<SplitResult> splits;
 };
 
 /// Fills in every speedup, and returns the index of Embree's best in `report.rays` for those rays, or -1.
 int compare_with_best(Report& report, const std::string& rays);
 
-std::string markdown(const std::vector<Report>& reports);
+/// Those of the paper's tables 1 to 4, its figures beside ours.
+std::string markdown(const std::vector<Report>& reports, const std::vector<int>& tables);
 std::string csv(const std::vector<Report>& reports);
 std::string json(const std::vector<Report>& reports);
 

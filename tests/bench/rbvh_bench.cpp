@@ -2,6 +2,7 @@
 // rays, in one process, on the same rays, repetitions interleaved. Writes figures down; passes and fails
 // nothing.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -30,6 +31,8 @@ struct Options {
   int repetitions = 7, build_repetitions = 3, threads = 2;
   std::uint32_t resolution = 1024;
   double bounce_offset = 1e-3;
+  std::vector<int> tables = {1, 2, 3, 4};  ///< of the paper
+  bool wants(int table) const { return std::find(tables.begin(), tables.end(), table) != tables.end(); }
 };
 
 double seconds_of(const std::function<void()>& work) {
@@ -79,36 +82,48 @@ struct Built {
   std::vector<EmbreeScene> embree;  ///< as embree_builds()
 };
 
+/// Builds once more and adds the times.
+Rbvh timed_build(const Device& device, const Scan& scan, const BuildConfig& config, BuildResult& result) {
+  BuildTimings timings;
+  Rbvh rbvh;
+  result.engine = "rbvh";
+  result.total.seconds.push_back(seconds_of([&] { rbvh = build_rbvh(device, scan, config, {}, &timings); }));
+  add_phase(result, "upload", timings.upload);
+  add_phase(result, "partition", timings.partition);
+  add_phase(result, "rasterize", timings.rasterize);
+  add_phase(result, "pack", timings.pack);
+  return rbvh;
+}
+
+/// Where the paper's table 4 has the host's and the device's times.
+bool is_in_table_4(const LevelConfig& level) {
+  return level.name == "Q0" || level.name == "Q2" || level.name == "Q4";
+}
+
 Built build_all(const Device& device, const Scan& scan, const Options& options, Report& report) {
   const std::vector<LevelConfig>& levels = standard_levels();
   const std::vector<EmbreeBuild> embree = embree_builds();
-  std::vector<BuildResult> alone(levels.size()), embree_results(embree.size());
+  std::vector<BuildResult> alone(levels.size()), on_host(levels.size()), embree_results(embree.size());
   BuildResult together, exact_result;
+  together.name = "all levels";
   Built built;
   {  // unmeasured: compiles the kernels
     BuildConfig coarsest;
     coarsest.levels = {levels.back()};
     build_rbvh(device, scan, coarsest);
   }
-  for (int repetition = 0; repetition < options.build_repetitions; ++repetition) {
-    const auto measure = [&](BuildResult& result, const std::string& name, const BuildConfig& config) {
-      BuildTimings timings;
-      result.engine = "rbvh";
-      result.name = name;
-      Rbvh rbvh;
-      result.total.seconds.push_back(
-          seconds_of([&] { rbvh = build_rbvh(device, scan, config, {}, &timings); }));
-      add_phase(result, "upload", timings.upload);
-      add_phase(result, "partition", timings.partition);
-      add_phase(result, "rasterize", timings.rasterize);
-      add_phase(result, "pack", timings.pack);
-      return rbvh;
-    };
-    built.rbvh = measure(together, "all levels", {});
-    for (std::size_t i = 0; i < levels.size(); ++i) {
+  const int repetitions = options.wants(4) ? options.build_repetitions : 1;
+  for (int repetition = 0; repetition < repetitions; ++repetition) {
+    built.rbvh = timed_build(device, scan, {}, together);
+    for (std::size_t i = 0; i < levels.size() && options.wants(4); ++i) {
       BuildConfig config;
       config.levels = {levels[i]};
-      measure(alone[i], levels[i].name, config);
+      alone[i].name = levels[i].name;
+      timed_build(device, scan, config, alone[i]);
+      if (!is_in_table_4(levels[i])) continue;
+      config.partition = PartitionWhere::kHost;
+      on_host[i].name = levels[i].name + " host";
+      timed_build(device, scan, config, on_host[i]);
     }
     ExactTimings timings;
     exact_result.engine = "exact";
@@ -126,10 +141,11 @@ Built build_all(const Device& device, const Scan& scan, const Options& options, 
       embree_results[i].total.seconds.push_back(built.embree.back().build_seconds());
     }
   }
-  report.builds = alone;
+  for (const std::vector<BuildResult>* results : {&alone, &on_host, &embree_results})
+    for (const BuildResult& result : *results)
+      if (!result.name.empty()) report.builds.push_back(result);
   report.builds.push_back(together);
   report.builds.push_back(exact_result);
-  report.builds.insert(report.builds.end(), embree_results.begin(), embree_results.end());
   return built;
 }
 
@@ -158,21 +174,70 @@ void measure_memory(const Built& built, const Scan& scan, Report& report) {
   }
 }
 
-void measure_rays(const Device& device, const Built& built, const Options& options, const Bounds3f& box,
-                  bool cloud, Report& report) {
+/// The rays that all are timed with.
+struct TimedRays {
+  CameraRays words{};
+  std::vector<Ray> primary, diffuse;
+  Buffer<Ray> diffuse_buffer;
+  Buffer<Hit> hits;
+};
+
+TimedRays make_rays(const Device& device, const ExactTracer& exact, const Options& options,
+                    const Bounds3f& box, bool cloud) {
+  TimedRays timed;
   const Bounds3d bounds = {static_cast<Vec3d>(box.lo), static_cast<Vec3d>(box.hi)};
   const Camera camera = place_camera({}, bounds, cloud ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}, 1.0);
-  const CameraRays words = camera_rays(camera, options.resolution, options.resolution);
-  const std::vector<Ray> primary = primary_rays(words);
-  Buffer<Hit> hits(device, primary.size());
-  {
-    const Buffer<Ray> rays(device, primary);
-    trace_rays(built.exact, rays, hits, primary.size(), RayQuery::kNearest);
-  }
+  timed.words = camera_rays(camera, options.resolution, options.resolution);
+  timed.primary = primary_rays(timed.words);
+  timed.hits = Buffer<Hit>(device, timed.primary.size());
+  trace_rays(exact, Buffer<Ray>(device, timed.primary), timed.hits, timed.primary.size(), RayQuery::kNearest);
   const float offset = static_cast<float>(options.bounce_offset) * box.diagonal();
-  const std::vector<Ray> diffuse = diffuse_rays(primary, hits.read(), offset, kSeed);
-  const Buffer<Ray> diffuse_buffer(device, diffuse);
+  timed.diffuse = diffuse_rays(timed.primary, timed.hits.read(), offset, kSeed);
+  timed.diffuse_buffer = Buffer<Ray>(device, timed.diffuse);
+  return timed;
+}
 
+void trace(const Device& device, const auto& tracer, const TimedRays& rays, bool is_primary) {
+  if (is_primary)
+    trace_camera(tracer, rays.words, rays.hits);
+  else
+    trace_rays(tracer, rays.diffuse_buffer, rays.hits, rays.diffuse.size(), RayQuery::kNearest);
+  device.finish();
+}
+
+/// The paper's table 1: where nodes are split, and by whom, at the finest level.
+void measure_splits(const Device& device, const Scan& scan, const TimedRays& rays, const Options& options,
+                    Report& report) {
+  std::vector<RbvhTracer> tracers;
+  BuildConfig config;
+  config.levels = {standard_levels().front()};
+  for (const SplitRule rule : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea})
+    for (const PartitionWhere where : {PartitionWhere::kHost, PartitionWhere::kDevice}) {
+      config.split = rule;
+      config.partition = where;
+      SplitResult& split = report.splits.emplace_back();
+      split.is_sah = rule == SplitRule::kSurfaceArea;
+      split.on_host = where == PartitionWhere::kHost;
+      Rbvh rbvh;
+      for (int i = 0; i < options.build_repetitions; ++i)
+        rbvh = timed_build(device, scan, config, split.build);
+      split.nodes = 2 * rbvh.levels[0].leaves.size() - 1;
+      tracers.push_back(make_rbvh_tracer(device, rbvh.levels[0]));
+    }
+  for (int i = -1; i < options.repetitions; ++i)
+    for (const bool is_primary : {true, false})
+      for (std::size_t k = 0; k < tracers.size(); ++k) {
+        if (!is_primary && rays.diffuse.empty()) continue;
+        const double seconds = seconds_of([&] { trace(device, tracers[k], rays, is_primary); });
+        RaysResult& result = is_primary ? report.splits[k].primary : report.splits[k].diffuse;
+        result.count = is_primary ? rays.primary.size() : rays.diffuse.size();
+        if (i >= 0) result.timing.seconds.push_back(seconds);
+      }
+}
+
+void measure_rays(const Device& device, const Built& built, const Options& options, const TimedRays& rays,
+                  Report& report) {
+  const std::vector<Ray>&primary = rays.primary, &diffuse = rays.diffuse;
   std::vector<RbvhTracer> tracers;
   for (const Level& level : built.rbvh.levels) tracers.push_back(make_rbvh_tracer(device, level));
   const std::vector<EmbreeBuild> builds = embree_builds();
@@ -182,20 +247,13 @@ void measure_rays(const Device& device, const Built& built, const Options& optio
     if (count == 0) continue;
     const auto device_hits = [&] {
       std::vector<Hit> read(count);
-      hits.read(read);
+      rays.hits.read(read);
       return count_hits(read);
     };
     const auto device_contender = [&](const std::string& engine, const std::string& name,
                                       const auto& tracer) {
       return Contender{{kind, engine, name, count, 0, {}, 0},
-                       [&, is_primary, count] {
-                         if (is_primary) {
-                           trace_camera(tracer, words, hits);
-                         } else {
-                           trace_rays(tracer, diffuse_buffer, hits, count, RayQuery::kNearest);
-                         }
-                         device.finish();
-                       },
+                       [&, is_primary] { trace(device, tracer, rays, is_primary); },
                        device_hits};
     };
     std::vector<Contender> contenders;
@@ -236,7 +294,9 @@ Report measure(const Device& device, const std::string& path, const Options& opt
   report.resolution = options.resolution;
   const Built built = build_all(device, scan, options, report);
   measure_memory(built, scan, report);
-  measure_rays(device, built, options, bounds(scan), scan.is_cloud(), report);
+  const TimedRays rays = make_rays(device, built.exact, options, bounds(scan), scan.is_cloud());
+  if (options.wants(2)) measure_rays(device, built, options, rays, report);
+  if (options.wants(1)) measure_splits(device, scan, rays, options, report);
   return report;
 }
 
@@ -259,6 +319,10 @@ int run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--threads", options.threads, "host threads, Embree's and a CPU device's")
       ->capture_default_str();
+  app.add_option("--tables", options.tables,
+                 "of the paper's tables 1 to 4 these: only what they need is measured")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 4));
   app.add_option("--resolution", options.resolution, "primary rays each way, a multiple of 8")
       ->check(CLI::Range(8, 16384))
       ->capture_default_str();
@@ -277,7 +341,7 @@ int run(int argc, char** argv) {
       write(options.csv_path, csv(reports));
       write(options.json_path, json(reports));
     }
-    std::fputs(markdown(reports).c_str(), stdout);
+    std::fputs(markdown(reports, options.tables).c_str(), stdout);
   } catch (const Error& error) {
     std::fprintf(stderr, "rbvh_bench: %s\n", error.what());
     return static_cast<int>(error.code());

@@ -353,10 +353,16 @@ TEST_F(Detail, PartitionOptionsChangeThePair) {
     EXPECT_NE(read("b.atlas.tif"), read("a.atlas.tif")) << words;
     EXPECT_NE(info("b.rbvh")["build_options"], plain["build_options"]) << words;
   }
-  good("build ball.ply -f -o b.rbvh --levels Q3 --rays coherent --split median");
+  good("build ball.ply -f -o b.rbvh --levels Q3 --rays coherent --split median --partition device");
   EXPECT_EQ(read("b.rbvh"), read("a.rbvh"));
+  EXPECT_EQ(plain["build_options"]["partition"], "device");
+  good("build ball.ply -f -o b.rbvh --levels Q3 --partition host");
+  const Json by_host = info("b.rbvh");
+  EXPECT_EQ(by_host["build_options"]["partition"], "host");
+  const double leaves = plain["levels"][0]["leaves"];
+  EXPECT_NEAR(by_host["levels"][0]["leaves"].get<double>(), leaves, 0.02 * leaves);
   for (const std::string words :
-       {"--split no", "--rays no", "--focus 0,0", "--focus 0,0,0", "--focus-radius 1",
+       {"--split no", "--partition no", "--rays no", "--focus 0,0", "--focus 0,0,0", "--focus-radius 1",
         "--focus 0,0,0 --focus-radius 0", "--focus-camera 0,0,3 --focus-level Q7",
         "--focus 0,0,0 --focus-radius 1 --focus-camera 0,0,3"})
     bad("build ball.ply -o x.rbvh --levels Q3 " + words, 2, "");

@@ -95,6 +95,24 @@ TEST(Partition, ConeOfNormalsIsTheWidest) {
   EXPECT_NEAR(partition.nodes[0].cone_cosine, std::cos(std::atan(0.5f)), 1e-5f);
 }
 
+TEST(Partition, NoiseFinerThanTexelsIsNoArea) {
+  constexpr int kCells = 760;
+  std::mt19937_64 random(property_seed());
+  std::normal_distribution<float> noise(0, 0.4f / kCells);
+  Scan scan;
+  for (const float side : {1.0f, -1.0f})  // a thin sheet's two sides
+    add_sheet(scan, kCells, [&](float s, float t) {
+      return Vec3f{s, side * t, 0.004f * side + noise(random)};
+    });
+  const Primitives primitives = upload_primitives(Device::open(), scan);
+  const Partition partition = make_root(primitives, false);
+  double raw = 0;
+  for (const Float4& n : primitives.area_normal.read())
+    raw += static_cast<double>(length(Vec3f{n.x, n.y, n.z}));
+  EXPECT_GT(raw, 2.4);
+  EXPECT_NEAR(partition.nodes[0].sums.area, 2, 0.2);
+}
+
 /// Equation 1 of a split of these primitives at a plane, from scratch and in double; infinity where one side
 /// is empty. The oracle of the device's bins.
 double plane_cost(const std::vector<Bounds3f>& boxes, const std::vector<double>& areas, int axis,

@@ -118,6 +118,20 @@ TEST(Tile, SeesTwoLayersStepsAndWhatFacesAway) {
   EXPECT_TRUE(rasterize_whole(shell, 400).tile.has_back);
 }
 
+TEST(Tile, SeesWhatStandsSteepAndWhatItMisses) {
+  Scan bend;
+  add_sheet(bend, 16, [](float s, float t) { return Vec3f{std::min(s, 0.8f), t, std::max(0.0f, s - 0.8f)}; });
+  EXPECT_TRUE(rasterize_whole(bend, 400).tile.is_steep);
+  // Between four texels and lower than a step; a quarter as high it is no fault.
+  for (const float height : {0.08f, 0.02f}) {
+    Scan tent;
+    add_sheet(tent, 60, [&](float s, float t) {
+      return Vec3f{s, t, std::abs(s - 0.5f) < 0.01f && std::abs(t - 0.5f) < 0.01f ? height : 0};
+    });
+    EXPECT_EQ(rasterize_whole(tent, 400).tile.is_faulty, height > 0.05f);
+  }
+}
+
 TEST(Tile, OfDiscsFollowsTheirPlane) {
   Scan cloud;
   for (int j = 0; j < 30; ++j)
