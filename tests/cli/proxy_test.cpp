@@ -240,6 +240,8 @@ TEST_F(ProxyStage, WhatCannotBeImported) {
   bad[18] = '\7';
   write("bad.png", bad);
   expect_error(3, "quads.obj -o p.obj --vdm bad.png", "bad.png");
+  write("cut.png", read("v.png").substr(0, 60));
+  expect_error(3, "quads.obj -o p.obj --vdm cut.png", "cut in one of its chunks");
   write_quads("f 1/1 2/2 5/5 4/4\nf 2 3 6 5\n");
   expect_error(3, "quads.obj -o p.obj --vdm v.exr", "face 2 has no texture coordinates");
   write_quads("f 1/1 2/2 5/5 9/4\n");
