@@ -1,7 +1,8 @@
-// rbvh info: what a pair, a proxy or a scan holds.
+// rbvh info: what a pair, a proxy, a scan or a scene holds.
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <set>
@@ -13,6 +14,7 @@
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
+#include "io/scene_file.h"
 #include "pipeline/proxy/proxy_surface.h"
 
 namespace rbvh {
@@ -239,6 +241,74 @@ std::string proxy_text(const Json& json) {
   return text + "\n";
 }
 
+// --- scenes
+// -------------------------------------------------------------------------------------------------------
+
+std::uint64_t bytes_of(const std::string& path) {
+  std::error_code code;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, code);
+  return code ? 0 : bytes;
+}
+
+/// With the files that belong to it.
+std::uint64_t object_bytes(const SceneObject& object, const std::string& path) {
+  std::uint64_t bytes = bytes_of(path);
+  if (object.level() != nullptr) bytes += bytes_of(atlas_path(path));
+  if (object.proxy() != nullptr) bytes += bytes_of(proxy_map_path(path)) + bytes_of(proxy_sidecar_path(path));
+  return bytes;
+}
+
+Json scene_json(Context& context, const std::string& path) {
+  const Subject subject = load_subject(context, path);
+  const Scene& scene = *subject.scene();
+  const SceneFile file = read_scene(path);
+  std::vector<std::uint64_t> placed(scene.objects.size(), 0);
+  for (const SceneInstance& instance : scene.instances) ++placed[instance.object];
+  std::uint64_t leaves = 0, bytes = bytes_of(path);
+  Json objects = Json::array();
+  for (std::size_t i = 0; i < scene.objects.size(); ++i) {
+    const SceneObject& object = scene.objects[i];
+    const std::uint64_t own_bytes = object_bytes(object, file.objects[i].path);
+    leaves += placed[i] * leaf_count(object);
+    bytes += own_bytes;
+    objects.push_back({{"name", object.name},
+                       {"file", file.objects[i].path},
+                       {"kind", object.proxy()              ? "proxy"
+                                : object.level()            ? "rbvh"
+                                : object.scan()->is_cloud() ? "cloud"
+                                                            : "mesh"},
+                       {"level", object.level() ? Json(object.level()->name) : Json(nullptr)},
+                       {"leaves", leaf_count(object)},
+                       {"bytes", own_bytes},
+                       {"instances", placed[i]},
+                       {"bounds", bounds_json(object.bounds)}});
+  }
+  return {{"file", path},
+          {"kind", "scene"},
+          {"bytes", bytes},
+          {"up", scene.z_is_up ? "+Z" : "+Y"},
+          {"instances", scene.instances.size()},
+          {"leaves", leaves},
+          {"bounds", bounds_json(subject.bounds)},
+          {"objects", std::move(objects)}};
+}
+
+std::string scene_text(const Json& json) {
+  const auto string = [](const Json& value) { return printable(value.get<std::string>()); };
+  const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
+  std::string text = string(json["file"]) + ": scene, " +
+                     counted(json["instances"].get<std::uint64_t>(), "instance") + ", " +
+                     counted(json["leaves"].get<std::uint64_t>(), "leaf") + ", " + bytes(json["bytes"]) +
+                     " with all its files\n";
+  text += "bounds   " + bounds_text(json["bounds"]) + ", up " + string(json["up"]) + "\n";
+  for (const Json& object : json["objects"])
+    text += fmt::format("{:<8} {} {}, {}, {}, placed {}\n", string(object["name"]), string(object["file"]),
+                        object["level"].is_null() ? string(object["kind"]) : string(object["level"]),
+                        counted(object["leaves"].get<std::uint64_t>(), "leaf"), bytes(object["bytes"]),
+                        counted(object["instances"].get<std::uint64_t>(), "time"));
+  return text;
+}
+
 // --- scans
 // --------------------------------------------------------------------------------------------------------
 
@@ -301,14 +371,16 @@ std::string scan_text(const Json& json) {
   return text;
 }
 
-void run_info(const Context& context, const std::string& path, bool as_json) {
-  const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path);
+void run_info(Context& context, const std::string& path, bool as_json) {
+  const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path), places = is_scene(path);
   const Json json = is_pair       ? pair_json(context, path)
                     : is_of_quads ? proxy_json(path)
+                    : places      ? scene_json(context, path)
                                   : scan_json(context, path);
   print_data(as_json       ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
              : is_pair     ? pair_text(json)
              : is_of_quads ? proxy_text(json)
+             : places      ? scene_text(json)
                            : scan_text(json));
 }
 
@@ -320,10 +392,12 @@ void add_info(CLI::App& app, Context& context) {
     bool as_json = false;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* stage = add_stage(
-      app, context, {"info", "Say what a pair, a proxy or a scan holds", "rbvh info dragon.rbvh --json"}, 0,
-      [&context, options] { run_info(context, options->file, options->as_json); });
-  stage->add_option("FILE", options->file, "an .rbvh, a proxy, or a scan (-: standard input)")->required();
+  CLI::App* stage =
+      add_stage(app, context,
+                {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"},
+                0, [&context, options] { run_info(context, options->file, options->as_json); });
+  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
+      ->required();
   stage->add_flag("--json", options->as_json, "as JSON");
 }
 

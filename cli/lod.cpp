@@ -187,7 +187,7 @@ class Lod {
         throw Error(
             ExitCode::kBudget, options_.file,
             "no level fits into " + format_bytes(most) + "; the smallest takes " + format_bytes(smallest()));
-      const RbvhBytes bytes = write_rbvh(context_.output, rbvh, context_.force, most);
+      RbvhBytes bytes = write_rbvh(context_.output, rbvh, context_.force, most);
       if (bytes.hierarchy + bytes.atlas <= most) return bytes;
       room = taken - 1;
     }

@@ -1,7 +1,9 @@
 // rbvh proxy: from a mesh to quads with a vector displacement map.
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -16,6 +18,7 @@
 #include "io/scan_io.h"
 #include "io/vdm_image.h"
 #include "pipeline/proxy/bake.h"
+#include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/import_vdm.h"
 #include "pipeline/scan/ingest.h"
 
@@ -55,6 +58,14 @@ double parse_percent(std::string_view text) {
 
 double parse_percent_as_fraction(std::string_view text) { return parse_percent(text) / 100; }
 
+// Of displacements: what a proxy can hold.
+double parse_displacement(std::string_view text) {
+  const double value = parse_number(text);
+  if (!(std::abs(value) <= double{kLargestProxyValue}))
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is beyond 1e18");
+  return value;
+}
+
 double parse_component(std::string_view text) {
   const double percent = parse_number(text);
   if (!(percent >= 0 && percent <= 100))
@@ -92,9 +103,12 @@ Input read_mesh(Context& context, const ProxyOptions& options) {
   input.source.shift = input.scan.shift;
   check_usable(input.scan, options.file);
   for (std::size_t i = 0; i < input.scan.positions.size(); ++i)
-    if (!is_finite(input.scan.positions[i]))
-      throw Error(ExitCode::kInput, options.file,
-                  "vertex " + std::to_string(i) + " is not finite; run rbvh ingest on it first");
+    if (const Vec3f& p = input.scan.positions[i];
+        !(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= kLargestProxyValue) || !is_finite(p))
+      throw Error(
+          ExitCode::kInput, options.file,
+          "vertex " + std::to_string(i) +
+              (is_finite(p) ? " is too large: beyond 1e18" : " is not finite; run rbvh ingest on it first"));
   check_budget(context, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
   return input;
 }
@@ -190,7 +204,7 @@ void warn_of(Context& context, const std::string& file, const ImportReport& coun
   say(counts.split_faces, "faces are no quads; every face was split around its middle");
   say(counts.dropped_faces, "faces with fewer than three different corners were left out");
   say(counts.zero_area_patches, "patches have no area");
-  say(counts.bad_texels, "texels are not finite; they displace nothing");
+  say(counts.bad_texels, "texels are not finite, or too large (beyond 1e18); they displace nothing");
   say(counts.overlapping_patches, "patches overlap others in the map");
   say(counts.coarser_patches, "patches have fewer texels than the map; allow more by --max-side");
   say(counts.long_patches,
@@ -289,9 +303,9 @@ void add_proxy(CLI::App& app, Context& context) {
   add_parsed(
       *stage, "--vdm-order", options->vdm.order, parse_vdm_order, "XYZ",
       "what R, G and B hold: x, y, z, or t, b, n in tangent space, with - where turned round (default: xyz)");
-  add_parsed(*stage, "--vdm-scale", options->vdm.scale, parse_number, "S",
+  add_parsed(*stage, "--vdm-scale", options->vdm.scale, parse_displacement, "S",
              "what the map's values are multiplied by (default: 1)");
-  add_parsed(*stage, "--vdm-midlevel", options->vdm.midlevel, parse_number, "M",
+  add_parsed(*stage, "--vdm-midlevel", options->vdm.midlevel, parse_displacement, "M",
              "the map's value for no displacement (default: 0)");
   stage->add_option("--vdm-preset", options->vdm.preset, "order and midlevel as this program documents them")
       ->type_name("blender|mudbox|arnold|vray|moonray");

@@ -145,6 +145,11 @@ class Renderer {
       throw Error(ExitCode::kUsage, path,
                   std::string("--compare is for scans; this is a ") + (subject.rbvh() ? "pair" : "scene"));
     for (const ExactConfig& config : configs_) check_exact_options(context_, options_.exact, config, subject);
+    for (const ExactConfig& config : configs_) {
+      SceneConfig scene = options_.proxies.scene;
+      scene.exact = config;
+      check_cast_budget(context_, subject, scene);
+    }
     const std::vector<std::string> levels = choose_levels(context_, subject, options_.levels, true);
     const std::vector<Camera> cameras =
         place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());

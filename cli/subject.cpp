@@ -29,6 +29,7 @@ constexpr std::uint64_t kPairBytesPerFileByte = 4;
 // A map is in memory as it was read and on the device; compressed to half on disk.
 constexpr std::uint64_t kProxyBytesPerFileByte = 5;
 constexpr std::uint64_t kBytesPerTwinTriangle = 120;  // mesh, hierarchy and what builds it
+constexpr std::uint64_t kBytesPerPatch = 400;
 constexpr std::uint64_t kMostNumbers = 1u << 24;
 constexpr std::size_t kBandBytes = std::size_t{256} << 20;  // of hits on the device at once
 
@@ -36,6 +37,12 @@ std::uint64_t file_bytes(const std::string& path) {
   std::error_code code;
   const std::uintmax_t size = fs::file_size(path, code);
   return code ? 0 : size;
+}
+
+std::uint64_t bytes_to_read(const std::string& path) {
+  if (is_rbvh(path)) return file_bytes(path) * kPairBytesPerFileByte + file_bytes(atlas_path(path));
+  if (is_proxy(path)) return (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte;
+  return file_bytes(path) * kScanBytesPerFileByte;
 }
 
 const Level& level_of(const Subject& subject, const std::string& level) {
@@ -68,8 +75,7 @@ std::uint32_t parse_tessellate(std::string_view text) {
 
 /// A proxy or, where it is to be tessellated, a scan.
 SceneObject load_proxy_object(Context& context, const std::string& path, std::optional<std::uint32_t> most) {
-  check_budget(context, (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte, path,
-               "reading it");
+  check_budget(context, bytes_to_read(path), path, "reading it");
   SceneObject object;
   Proxy proxy = load_proxy(path);
   object.bounds = surface_bounds(proxy);
@@ -111,6 +117,9 @@ SceneObject load_object(Context& context, const SceneFile::Object& file, std::op
 
 Scene load_scene(Context& context, const std::string& path, std::optional<std::uint32_t> most) {
   const SceneFile file = read_scene(path);
+  std::uint64_t bytes = 0;
+  for (const SceneFile::Object& object : file.objects) bytes += bytes_to_read(object.path);
+  check_budget(context, bytes, path, "reading all its files");
   Scene scene;
   scene.z_is_up = file.z_is_up;
   for (const SceneFile::Object& object : file.objects)
@@ -133,7 +142,7 @@ bool is_rbvh(const std::string& path) {
 }
 
 Rbvh load_pair(const Context& context, const std::string& path, PairHeader* header) {
-  const std::uint64_t read = file_bytes(path) * kPairBytesPerFileByte + file_bytes(atlas_path(path));
+  const std::uint64_t read = bytes_to_read(path);
   check_budget(context, read, path, "reading it");
   return read_rbvh(path, header, [&](const Rbvh& rbvh) {
     std::uint64_t texels = 0;  // bytes of them; the heights are on the device, too
@@ -233,6 +242,26 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
     throw Error(ExitCode::kInput, subject.path,
                 std::to_string(leaves) +
                     " leaves or primitives are more than the 16777216 that a float32 can number");
+}
+
+void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config) {
+  const Scene* scene = subject.scene();
+  if (scene == nullptr) return;
+  std::uint64_t bytes = scene->instances.size() * (sizeof(SceneInstance) + sizeof(ExactNode));
+  bool has_proxy = false;
+  for (const SceneObject& object : scene->objects) {
+    if (object.scan() != nullptr) {
+      bytes += leaf_count(object) * static_cast<std::uint64_t>(info(config.exact.builder).bytes);
+    } else if (const Level* level = object.level()) {
+      if (!level->layers.empty()) bytes += level->layers[0].texels.size() * sizeof(std::uint16_t);
+    } else {
+      const Proxy& proxy = *object.proxy();
+      has_proxy = true;
+      bytes += 2 * proxy.map.size() * sizeof(Vec3f) + proxy.quads.size() * kBytesPerPatch;  // here, and there
+    }
+  }
+  if (has_proxy) bytes += config.proxy.cache_bytes;
+  check_budget(context, bytes, subject.path, "casting rays at it");
 }
 
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,

@@ -61,6 +61,10 @@ std::vector<std::string> choose_levels(Context& context, const Subject& subject,
 /// pictures do.
 void check_leaf_numbers(const Subject& subject, const std::string& level);
 
+/// Throws Error(kBudget) where what casting at a scene takes beside the files is over --memory: hierarchies
+/// of scans, maps of proxies, their patch cache. (check_exact_options() sees to a scan alone.)
+void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config);
+
 using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer, SceneTracer>;
 
 /// `level` is one of choose_levels(); `config` is how scans and proxies are cast; `spread`: of "auto", see

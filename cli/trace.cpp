@@ -91,11 +91,12 @@ void run_trace(Context& context, const TraceOptions& options) {
   check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,
                "its rays and hits");
+  SceneConfig config = options.proxies.scene;
+  config.exact = exact;
+  check_cast_budget(context, subject, config);
   const double load_seconds = watch.lap();
 
   const Device device = Device::open(context.device);
-  SceneConfig config = options.proxies.scene;
-  config.exact = exact;
   const Caster caster =
       make_caster(device, subject, level, config,
                   static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360)));

@@ -13,6 +13,7 @@
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
+#include "io/scene_file.h"
 
 namespace rbvh {
 namespace {
@@ -183,12 +184,21 @@ std::string distance_text(const Json& distance) {
   return text;
 }
 
+Json scene_json(const Scene& scene) {
+  return {{"kind", "scene"},
+          {"objects", scene.objects.size()},
+          {"instances", scene.instances.size()},
+          {"leaves", first_leaves(scene).back()}};
+}
+
 // What is to be said of a file that is whole; throws its first fault.
-Json check_file(const Context& context, const std::string& file, const std::optional<Subject>& pair,
+Json check_file(const Context& context, const std::string& file, const std::optional<Subject>& subject,
                 const std::optional<Proxy>& proxy) {
   Json json = {{"file", file}, {"valid", true}};
-  if (pair) {
-    json.update(pair_json(*pair->rbvh()));
+  if (subject && subject->scene()) {
+    json.update(scene_json(*subject->scene()));
+  } else if (subject) {
+    json.update(pair_json(*subject->rbvh()));
   } else if (proxy) {
     json.update(proxy_json(*proxy));
   } else {
@@ -203,7 +213,8 @@ Json check_file(const Context& context, const std::string& file, const std::opti
 
 std::string file_text(const Json& json) {
   std::string text;
-  for (const std::string noun : {"level", "leaf", "patch", "texel", "vertex", "triangle"})
+  for (const std::string noun :
+       {"object", "instance", "level", "leaf", "patch", "texel", "vertex", "triangle"})
     if (const auto count = json.find(plural(noun)); count != json.end())
       text += (text.empty() ? "" : ", ") + counted(count->get<std::uint64_t>(), noun);
   return json["file"].get<std::string>() + ": whole (" + text + ")\n";
@@ -213,19 +224,21 @@ void run_validate(Context& context, const ValidateOptions& options) {
   const auto print = [](const Json& json) {
     print_data(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   };
-  const bool is_pair = is_rbvh(options.file), is_of_quads = is_proxy(options.file);
+  const bool is_pair = is_rbvh(options.file), is_of_quads = is_proxy(options.file),
+             places = is_scene(options.file);
   if (!is_pair && !is_of_quads && !options.against.empty())
     throw Error(ExitCode::kUsage, options.file,
-                "--against compares the levels of an .rbvh, or a proxy, and this is a scan");
+                std::string("--against compares the levels of an .rbvh, or a proxy, and this is a ") +
+                    (places ? "scene" : "scan"));
   if (!is_pair) refuse_options(options.of_pairs, options.file, "is for pairs, and this is none");
-  std::optional<Subject> pair;
+  std::optional<Subject> subject;  // a pair, or a scene with all its files
   std::optional<Proxy> proxy;
   ProxyHeader header;
   Json json;
   try {
-    if (is_pair) pair = load_subject(context, options.file);
+    if (is_pair || places) subject = load_subject(context, options.file);
     if (is_of_quads) proxy = load_proxy(options.file, &header);
-    json = check_file(context, options.file, pair, proxy);
+    json = check_file(context, options.file, subject, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.code() == ExitCode::kInput)
       print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
@@ -242,7 +255,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
     json["against"] = options.against;
     json["views"] = options.views.views;
     json["resolution"] = options.views.resolution;
-    json["fidelity"] = measure(context, options, *pair);
+    json["fidelity"] = measure(context, options, *subject);
     if (!options.as_json) print_data(fidelity_text(json["fidelity"]));
   }
   if (options.as_json) print(json);
@@ -256,7 +269,8 @@ void add_validate(CLI::App& app, Context& context) {
                               {"validate", "Check a file; measure a pair or a proxy against its scan",
                                "rbvh validate dragon.rbvh --against dragon.ply"},
                               kWithDevice, [&context, options] { run_validate(context, *options); });
-  stage->add_option("FILE", options->file, "an .rbvh, a proxy, or a scan (-: standard input)")->required();
+  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
+      ->required();
   stage
       ->add_option("--against", options->against,
                    "the scan: casts the same rays at both, from views around the object")

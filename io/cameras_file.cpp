@@ -35,7 +35,7 @@ CameraWords read_camera(const std::string& path, const std::string& where, const
                         CameraWords words) {
   if (!value.is_object()) refuse(path, where, "an object is wanted");
   for (const auto& [key, entry] : value.items()) {
-    const std::string at = where + ", " + key;
+    const std::string at = std::string(where).append(", ").append(key);
     if (key == "position")
       words.position = read_vec3(path, at, entry);
     else if (key == "focal_point")

@@ -2,6 +2,10 @@
 
 #include <algorithm>
 
+#include "io/off.h"
+#include "io/pcd.h"
+#include "io/ply.h"
+#include "io/stl.h"
 #include "io/text_cursor.h"
 
 namespace rbvh {
@@ -118,6 +122,9 @@ class PolygonObjReader {
 }  // namespace
 
 PolygonMesh read_polygon_obj(std::string_view bytes, const std::string& file) {
+  if (is_ply(bytes) || is_pcd(bytes) || is_stl(bytes) || is_off(bytes))
+    throw Error(ExitCode::kInput, file,
+                "is no OBJ; the base of a displacement map must be an OBJ of quads with texture coordinates");
   return PolygonObjReader(bytes, file).read();
 }
 

@@ -1,5 +1,6 @@
 #include "io/scene_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <filesystem>
@@ -198,19 +199,23 @@ class Reader {
       refuse(where, "has a singular transform: it makes things flat");
   }
 
-  // Each group once, so that what leads back to itself is found before it is followed.
-  void check_group(const std::string& name) {
-    if (checked_.contains(name)) return;
+  // Each group once, so that what leads back to itself is found before it is followed. Returns how many
+  // groups deep it is, itself counted.
+  std::size_t check_group(const std::string& name) {
+    if (const auto known = checked_.find(name); known != checked_.end()) return known->second;
     if (!open_.insert(name).second) refuse("group \"" + name + "\"", "contains itself");
-    if (open_.size() > kMostDepth)
-      refuse("group \"" + name + "\"", "lies more than " + std::to_string(kMostDepth) + " groups deep");
-    check_list(*groups_.at(name), "group \"" + name + "\"");
+    const std::size_t depth =
+        open_.size() > kMostDepth ? kMostDepth : check_list(*groups_.at(name), "group \"" + name + "\"");
+    if (depth >= kMostDepth)
+      refuse("group \"" + name + "\"", "is more than " + std::to_string(kMostDepth) + " groups deep");
     open_.erase(name);
-    checked_.insert(name);
+    return checked_[name] = depth + 1;
   }
 
-  void check_list(const Json& list, const std::string& where) {
+  // How many groups deep the deepest of its groups is.
+  std::size_t check_list(const Json& list, const std::string& where) {
     if (!list.is_array()) refuse(where, "is no list");
+    std::size_t depth = 0;
     for (std::size_t i = 0; i < list.size(); ++i) {
       const std::string which = where + "[" + std::to_string(i) + "]";
       const Json& json = list[i];
@@ -220,10 +225,11 @@ class Reader {
       const std::string name = text_of(json["object"], which + ": \"object\"");
       transform_of(json, which);
       if (groups_.contains(name))
-        check_group(name);
+        depth = std::max(depth, check_group(name));
       else if (!files_.contains(name))
         refuse(which, "places \"" + name + "\", which is no object of the scene");
     }
+    return depth;
   }
 
   void place(const Json& list, const std::string& where, const Affine& outer) {
@@ -247,9 +253,9 @@ class Reader {
   std::map<std::string, std::size_t> files_;
   std::map<std::string, const Json*> groups_;
   std::deque<Json> groups_json_;
-  std::set<std::string> open_,
-      checked_;             ///< groups on the way to the one that is checked, and those that are done
-  std::size_t placed_ = 0;  ///< groups too
+  std::set<std::string> open_;                  ///< groups on the way to the one that is checked
+  std::map<std::string, std::size_t> checked_;  ///< those that are done, and how deep they are
+  std::size_t placed_ = 0;                      ///< groups too
 };
 
 }  // namespace

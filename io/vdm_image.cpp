@@ -34,6 +34,61 @@ std::string one_line(std::string why) {
   throw Error(ExitCode::kInput, path, one_line(why) + "; bake the proxy again");
 }
 
+std::uint32_t little_number(std::string_view bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  std::memcpy(&value, bytes.data() + at, sizeof value);
+  return value;
+}
+
+/// Whether an EXR attribute is as long as OpenEXR will take it to be, which goes by the type and not by the
+/// length that the file says.
+bool exr_attribute_fits(std::string_view type, std::string_view data) {
+  static constexpr std::pair<std::string_view, std::size_t> kLengths[] = {{"box2f", 16},
+                                                                          {"box2i", 16},
+                                                                          {"chromaticities", 32},
+                                                                          {"compression", 1},
+                                                                          {"deepImageState", 1},
+                                                                          {"double", 8},
+                                                                          {"envmap", 1},
+                                                                          {"float", 4},
+                                                                          {"int", 4},
+                                                                          {"keycode", 28},
+                                                                          {"lineOrder", 1},
+                                                                          {"m33d", 72},
+                                                                          {"m33f", 36},
+                                                                          {"m44d", 128},
+                                                                          {"m44f", 64},
+                                                                          {"rational", 8},
+                                                                          {"tiledesc", 9},
+                                                                          {"timecode", 8},
+                                                                          {"v2d", 16},
+                                                                          {"v2f", 8},
+                                                                          {"v2i", 8},
+                                                                          {"v3d", 24},
+                                                                          {"v3f", 12},
+                                                                          {"v3i", 12}};
+  for (const auto& [name, length] : kLengths)
+    if (type == name) return data.size() == length;
+  std::size_t at = 0;
+  if (type == "chlist") {  // names, each with 16 bytes, and an empty one
+    while (at < data.size() && data[at] != '\0') {
+      const std::size_t end = data.find('\0', at);
+      if (end == std::string_view::npos || data.size() - end < 17) return false;
+      at = end + 17;
+    }
+    return at + 1 == data.size();
+  }
+  if (type == "stringvector") {
+    while (data.size() - at >= 4 && little_number(data, at) <= data.size() - at - 4)
+      at += 4 + little_number(data, at);
+    return at == data.size();
+  }
+  if (type == "preview")
+    return data.size() >= 8 && data.size() % 4 == 0 &&
+           (data.size() - 8) / 4 == std::uint64_t{little_number(data, 0)} * little_number(data, 4);
+  return type != "idmanifest";  // packed; others are read by their length
+}
+
 /// Whether the file holds all that its headers claim: OpenEXR makes room for an attribute before it reads it,
 /// for up to 2 GB.
 bool exr_headers_fit(std::string_view file) {
@@ -45,24 +100,36 @@ bool exr_headers_fit(std::string_view file) {
     if (at != std::string_view::npos) ++at;
     return at < file.size();
   };
-  const auto number = [&](std::size_t from) {
-    std::uint32_t value = 0;
-    std::memcpy(&value, file.data() + from, sizeof value);
-    return value;
-  };
   if (file.size() <= kHeaderAt) return false;
-  const bool many = (number(kVersionAt) & kManyParts) != 0;
+  const bool many = (little_number(file, kVersionAt) & kManyParts) != 0;
   do {
     while (at < file.size() && file[at] != '\0') {
-      if (!skip_word() || !skip_word() || file.size() - at < sizeof(std::uint32_t)) return false;
-      const std::uint32_t size = number(at);
+      if (!skip_word()) return false;
+      const std::size_t type = at;
+      if (!skip_word() || file.size() - at < sizeof(std::uint32_t)) return false;
+      const std::uint32_t size = little_number(file, at);
       at += sizeof size;
       if (size > file.size() - at) return false;
+      if (!exr_attribute_fits(file.data() + type, file.substr(at, size))) return false;
       at += size;
     }
     if (at++ >= file.size()) return false;
   } while (many && at < file.size() && file[at] != '\0');
   return true;
+}
+
+/// The same of a PNG's chunks: libpng would read on past the file's end, for up to 2 GB.
+bool png_chunks_fit(std::string_view file) {
+  constexpr std::size_t kSignature = 8, kAroundData = 12;  // length, name, check sum
+  for (std::size_t at = kSignature; at < file.size();) {
+    if (file.size() - at < kAroundData) return false;
+    std::uint32_t size = 0;
+    for (std::size_t i = 0; i < 4; ++i) size = size << 8 | static_cast<unsigned char>(file[at + i]);
+    if (size > file.size() - at - kAroundData) return false;
+    if (file.substr(at + 4, 4) == "IEND") return true;
+    at += kAroundData + size;
+  }
+  return false;
 }
 
 /// libpng says its errors and warnings on stderr itself; ours are one line.
@@ -176,6 +243,7 @@ VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
   const char* format = format_of(file);
   if (format == nullptr) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
   if (format == std::string_view("openexr") && !exr_headers_fit(file)) refuse_map("is cut in its header");
+  if (format == std::string_view("png") && !png_chunks_fit(file)) refuse_map("is cut in one of its chunks");
   const StderrAside aside;
   const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
   if (in == nullptr) refuse_map("cannot be read: " + OIIO::geterror());

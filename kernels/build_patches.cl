@@ -124,131 +124,135 @@ static inline void build_inner(__global PatchBlock* blocks, uint node) {
 }
 
 #ifdef WIDE
-// 16 floats of a row of vertices x y z x y z ... at a time, in three turns that together are 16 vertices. Writes up to
-// 15 floats past a row's end, which the next row then takes.
-static inline void build_vertices(__global const Patch* p, __global const float* map, uint level, uint edges,
-                                  __global float* vertices) {
-  const int n = 1 << level, side = n + 1, floats = 3 * side;
-  const uint shift = p->level - level;
-  const float inverse_n = 1.0f / (float)n;
-  const int16 index[3] = {(int16)(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5),
-                          (int16)(5, 5, 6, 6, 6, 7, 7, 7, 8, 8, 8, 9, 9, 9, 10, 10),
-                          (int16)(10, 11, 11, 11, 12, 12, 12, 13, 13, 13, 14, 14, 14, 15, 15, 15)};
-  float16 corners[4][3];
+// What rows of vertices x y z x y z ... are made of: the corners, 16 floats of a row that begins with x.
+typedef struct RowMaker {
+  float16 corners[4];
+} RowMaker;
+
+static inline RowMaker row_maker(__global const Patch* p) {
+  RowMaker maker;
   for (uint k = 0; k < 4; ++k) {
     const float x = p->corners[k][0], y = p->corners[k][1], z = p->corners[k][2];
-    corners[k][0] = (float16)(x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x);
-    corners[k][1] = (float16)(y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y);
-    corners[k][2] = (float16)(z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z);
+    maker.corners[k] = (float16)(x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x);
   }
-  for (int j = 0; j < side; ++j) {
-    __global const float* row = map + 3 * ((size_t)p->texels + (size_t)(j << shift) * p->row);
-    __global float* to = vertices + (size_t)j * (uint)floats;
-    const float t = (float)j * inverse_n, t1 = 1.0f - t;
-    for (int at = 0; at < floats; at += 48) {
-#pragma unroll
-      for (int turn = 0; turn < 3; ++turn) {
-        const int from = at + 16 * turn;
-        if (from >= floats) break;
-        const int16 i = index[turn] + at / 3;
-        const float16 s = convert_float16(i) * inverse_n, s1 = 1.0f - s;
-        const float16 base = (corners[0][turn] * s1 + corners[1][turn] * s) * t1 +
-                             (corners[3][turn] * s1 + corners[2][turn] * s) * t;
-        float16 d;
-        if (shift == 0) {
-          d = vload16(0, row + from);
-        } else {
-          int texel[16];
-          vstore16(min(i, n) << (int)shift, 0, texel);
-          float each[16];
-          for (int lane = 0; lane < 16; ++lane) each[lane] = row[3 * texel[lane] + (from + lane) % 3];
-          d = vload16(0, each);
-        }
-        vstore16(base + d, 0, to + from);
-      }
-    }
-  }
-  if (edges == level * 0x01010101u) return;
-  for (uint k = 0; k < (uint)side; ++k) {  // borders that are coarser
-    const uint places[4][2] = {{k, 0}, {(uint)n, k}, {k, (uint)n}, {0, k}};
-    for (uint edge = 0; edge < 4; ++edge) {
-      const uint i = places[edge][0], j = places[edge][1];
-      if (edge_level(edges, edge) < level)
-        vstore3(patch_vertex(p, map, level, edges, i, j), j * (uint)side + i, vertices);
-    }
-  }
+  return maker;
 }
 
-// Four rows of four numbers in the order of a Morton curve.
-#define MORTON16(a, b, c, d) (float16)(a.lo, b.lo, a.hi, b.hi, c.lo, d.lo, c.hi, d.hi)
+// Five vertices of row j from column i on, as patch_vertex() makes them inside the patch, and a float more.
+static inline float16 make_row(const RowMaker* maker, __global const Patch* p, __global const float* map, uint level, uint i,
+                               uint j) {
+  const uint shift = p->level - level;
+  const float inverse_n = 1.0f / (float)(1u << level);
+  const float16 column = (float16)(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5);
+  const float16 s = ((float)i + column) * inverse_n, s1 = 1.0f - s;
+  const float t = (float)j * inverse_n, t1 = 1.0f - t;
+  const float16* corners = maker->corners;
+  const float16 base = (corners[0] * s1 + corners[1] * s) * t1 + (corners[3] * s1 + corners[2] * s) * t;
+  __global const float* row = map + 3 * ((size_t)p->texels + (size_t)(j << shift) * p->row + (i << shift));
+  if (shift == 0) return base + vload16(0, row);
+  const uint step = 3u << shift;
+  const float3 a = vload3(0, row), b = vload3(0, row + step), c = vload3(0, row + 2 * step), d = vload3(0, row + 3 * step),
+               e = vload3(0, row + 4 * step);
+  return base + (float16)(a, b, c, d, e, 0.0f);
+}
 
-// 16 micro-quads: 5 x 5 vertices. `block` is the b-th of the finest level.
-static inline void build_leaves16(__global PatchBlock* block, __global const float* vertices, uint level, uint b,
-                                  const float* root_lo, const float* per_quantum) {
-  const uint n = 1u << level, side = n + 1;
-  const uint i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
-  float16 rows[5];  // of five vertices, and a float more
-  for (uint row = 0; row < 5; ++row) rows[row] = vload16(0, vertices + 3 * ((j + row) * side + i));
+// 16 nodes on their way to their parents.
+typedef struct Nodes16 {
+  ushort16 planes[6];
+  int16 x, y, z;  // normals
+  uint16 u, v;
+} Nodes16;
+
+static inline Nodes16 load_nodes16(__global const PatchBlock* block) {
+  Nodes16 nodes;
+  for (uint row = 0; row < 6; ++row) nodes.planes[row] = vload16(0, block->planes[row]);
+  const int16 n = as_int16(vload16(0, block->normals));
+  nodes.x = (n << 21) >> 21;
+  nodes.y = (n << 10) >> 21;
+  nodes.z = n >> 22;
+  const uint16 uv = vload16(0, block->uvs);
+  nodes.u = uv & 0xffff;
+  nodes.v = uv >> 16;
+  return nodes;
+}
+
+// The b-th 16 micro-quads: their vertices go to `grid`.
+static inline Nodes16 build_leaves16(const RowMaker* maker, __global const Patch* p, __global const float* map, uint level,
+                                     uint edges, uint b, const float* root_lo, const float* per_quantum,
+                                     __global float* grid) {
+  Nodes16 nodes;
+  const uint n = 1u << level, i = 4 * even_bits(b), j = 4 * even_bits(b >> 1);
+  float16 rows[5];
+#pragma unroll
+  for (uint row = 0; row < 5; ++row) rows[row] = make_row(maker, p, map, level, i, j + row);
+  GridAxis axes[3];
+#define GRID_ROWS(r, X, X0, X4)                                                                             \
+  {                                                                                                         \
+    (float16)((r)[0].X, (r)[0].X4, (r)[1].X, (r)[1].X4, (r)[2].X, (r)[2].X4, (r)[3].X0),                    \
+        (float16)((r)[1].X4, (r)[2].X, (r)[2].X4, (r)[3].X, (r)[3].X4, (r)[4].X, (r)[4].X4)                 \
+  }
+  const GridAxis x_axis = GRID_ROWS(rows, s0369, s0, sc), y_axis = GRID_ROWS(rows, s147a, s1, sd),
+                 z_axis = GRID_ROWS(rows, s258b, s2, se);
+#undef GRID_ROWS
+  axes[0] = x_axis;
+  axes[1] = y_axis;
+  axes[2] = z_axis;
+  for (uint axis = 0; axis < 3; ++axis) {
+    vstore16(axes[axis].first, 0, grid + GRID_AXIS * axis);
+    vstore16(axes[axis].second, 0, grid + GRID_AXIS * axis + 9);
+  }
+  if (edges != level * 0x01010101u && (i == 0 || j == 0 || i + 4 == n || j + 4 == n)) {  // borders can be coarser
+    for (uint k = 0; k < 25; ++k) {
+      const uint vi = i + k % 5, vj = j + k / 5;
+      if (vi != 0 && vj != 0 && vi != n && vj != n) continue;
+      const float3 v = patch_vertex(p, map, level, edges, vi, vj);
+      grid[k] = v.x;
+      grid[GRID_AXIS + k] = v.y;
+      grid[2 * GRID_AXIS + k] = v.z;
+    }
+    for (uint axis = 0; axis < 3; ++axis) axes[axis] = load_grid_axis(grid, axis);
+  }
   float16 e[3], f[3];
 #pragma unroll
   for (uint axis = 0; axis < 3; ++axis) {
-    float4 left[5], right[5];
-#pragma unroll
-    for (uint row = 0; row < 5; ++row) {
-      left[row] = axis == 0 ? rows[row].s0369 : axis == 1 ? rows[row].s147a : rows[row].s258b;
-      right[row] = axis == 0 ? rows[row].s369c : axis == 1 ? rows[row].s47ad : rows[row].s58be;
-    }
-    const float16 p00 = MORTON16(left[0], left[1], left[2], left[3]);
-    const float16 p10 = MORTON16(right[0], right[1], right[2], right[3]);
-    const float16 p01 = MORTON16(left[1], left[2], left[3], left[4]);
-    const float16 p11 = MORTON16(right[1], right[2], right[3], right[4]);
+    const float16 first = axes[axis].first, second = axes[axis].second;
+    const float16 p00 = GRID_A(first, second), p10 = GRID_B(first, second), p11 = GRID_C(first, second),
+                  p01 = GRID_D(first, second);
     const float16 lo = min(min(p00, p10), min(p01, p11)), hi = max(max(p00, p10), max(p01, p11));
     const float16 q_lo = clamp(floor((lo - root_lo[axis]) * per_quantum[axis] - 0.05f), 0.0f, 65535.0f);
     const float16 q_hi = clamp(ceil((hi - root_lo[axis]) * per_quantum[axis] + 0.05f), 0.0f, 65535.0f);
-    vstore16(convert_ushort16(q_lo), 0, block->planes[axis]);
-    vstore16(convert_ushort16(q_hi), 0, block->planes[axis + 3]);
+    nodes.planes[axis] = convert_ushort16(q_lo);
+    nodes.planes[axis + 3] = convert_ushort16(q_hi);
     e[axis] = (p11 - p00) * per_quantum[0];
     f[axis] = (p01 - p10) * per_quantum[0];
   }
   const float16 x = e[1] * f[2] - e[2] * f[1], y = e[2] * f[0] - e[0] * f[2], z = e[0] * f[1] - e[1] * f[0];
   const float16 length2 = x * x + y * y + z * z;
   const float16 scale = select((float16)(0.0f), rsqrt(length2), length2 > 0.0f);
-  const int16 px = convert_int16(rint(x * scale * 1023.0f)), py = convert_int16(rint(y * scale * 1023.0f)),
-              pz = convert_int16(rint(z * scale * 511.0f));
-  vstore16(as_uint16((px & 0x7ff) | (py & 0x7ff) << 11 | pz << 22), 0, block->normals);
+  nodes.x = convert_int16(rint(x * scale * 1023.0f));
+  nodes.y = convert_int16(rint(y * scale * 1023.0f));
+  nodes.z = convert_int16(rint(z * scale * 511.0f));
   const float16 u = (float16)(0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3);
   const float16 v = (float16)(0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3);
   const float size = 65535.0f / (float)n;
-  vstore16(convert_uint16((u + ((float)i + 0.5f)) * size) | convert_uint16((v + ((float)j + 0.5f)) * size) << 16, 0,
-           block->uvs);
+  nodes.u = convert_uint16((u + ((float)i + 0.5f)) * size);
+  nodes.v = convert_uint16((v + ((float)j + 0.5f)) * size);
+  return nodes;
 }
 
-// 16 nodes from the four blocks of their children.
-static inline void build_inner16(__global PatchBlock* blocks, uint at) {
-  __global PatchBlock* block = blocks + at;
-  __global const PatchBlock* from = blocks + (4 * at - 2);
+#define SUM4(v) ((v).even.even + (v).even.odd + (v).odd.even + (v).odd.odd)
+
+// The four parents of 16 nodes.
+static inline void build_parents4(const Nodes16* nodes, __global PatchBlock* block, uint lane) {
+#pragma unroll
   for (uint row = 0; row < 6; ++row) {
-    ushort16 v = 0;
-    ushort4 each[4];
-    for (uint k = 0; k < 4; ++k) {
-      const ushort16 c = vload16(0, from[k].planes[row]);
-      const ushort8 c8 = row < 3 ? min(c.even, c.odd) : max(c.even, c.odd);
-      each[k] = row < 3 ? min(c8.even, c8.odd) : max(c8.even, c8.odd);
-    }
-    v = (ushort16)(each[0], each[1], each[2], each[3]);
-    vstore16(v, 0, block->planes[row]);
+    const ushort16 c = nodes->planes[row];
+    const ushort8 c8 = row < 3 ? min(c.even, c.odd) : max(c.even, c.odd);
+    vstore4(row < 3 ? min(c8.even, c8.odd) : max(c8.even, c8.odd), 0, block->planes[row] + lane);
   }
-  for (uint k = 0; k < 4; ++k) {
-    const int16 n = as_int16(vload16(0, from[k].normals));
-    const int16 x = (n << 21) >> 21, y = (n << 10) >> 21, z = n >> 22;
-    const int8 x8 = x.even + x.odd, y8 = y.even + y.odd, z8 = z.even + z.odd;
-    const int4 x4 = (x8.even + x8.odd + 2) >> 2, y4 = (y8.even + y8.odd + 2) >> 2, z4 = (z8.even + z8.odd + 2) >> 2;
-    vstore4(as_uint4((x4 & 0x7ff) | (y4 & 0x7ff) << 11 | z4 << 22), 0, block->normals + 4 * k);
-    const uint16 uv = vload16(0, from[k].uvs);
-    const uint16 u = uv & 0xffff, v = uv >> 16;
-    const uint8 u8 = u.even + u.odd, v8 = v.even + v.odd;
-    vstore4(((u8.even + u8.odd) >> 2) | ((v8.even + v8.odd) >> 2) << 16, 0, block->uvs + 4 * k);
-  }
+  const int4 x = (SUM4(nodes->x) + 2) >> 2, y = (SUM4(nodes->y) + 2) >> 2, z = (SUM4(nodes->z) + 2) >> 2;
+  vstore4(as_uint4((x & 0x7ff) | (y & 0x7ff) << 11 | z << 22), 0, block->normals + lane);
+  vstore4(SUM4(nodes->u) >> 2 | SUM4(nodes->v) >> 2 << 16, 0, block->uvs + lane);
 }
 #endif
 
@@ -259,23 +263,27 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
   const float3 root_lo = vload3(0, p->lo), per_quantum = 65535.0f / (vload3(0, p->hi) - root_lo);
   const uint id = (uint)get_local_id(0);
 #ifdef WIDE
-  build_vertices(p, map, level, build.edges, vertices);
-  if (level >= 2) {
+  if (level < 2) {
+    for (uint v = 0; v < count; ++v)
+      vstore3(patch_vertex(p, map, level, build.edges, v % side, v / side), v, vertices);
+    for (uint m = 0; m < n * n; ++m) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
+  } else {
     const float lo[3] = {root_lo.x, root_lo.y, root_lo.z};
     const float scale[3] = {per_quantum.x, per_quantum.y, per_quantum.z};
-    __global PatchBlock* finest = blocks + (first_node(level) + PATCH_FIRST_LANE) / PATCH_WIDTH;
-    for (uint b = 0; b < n * n / PATCH_WIDTH; ++b) build_leaves16(finest + b, vertices, level, b, lo, scale);
-  } else {
-    for (uint m = 0; m < n * n; ++m) build_leaf(blocks, vertices, level, m, root_lo, per_quantum);
-  }
-  for (int l = (int)level - 1; l >= 0; --l) {
-    if (l >= 2) {
-      const uint first = (first_node((uint)l) + PATCH_FIRST_LANE) / PATCH_WIDTH;
-      for (uint b = 0; b < (1u << 2 * l) / PATCH_WIDTH; ++b) build_inner16(blocks, first + b);
-    } else {
-      for (uint k = first_node((uint)l); k < first_node((uint)l + 1); ++k) build_inner(blocks, k);
+    const RowMaker maker = row_maker(p);
+    for (uint l = level - 1; l >= 1; --l) {
+      const uint first = first_node(l) + PATCH_FIRST_LANE;
+      __global const PatchBlock* below = blocks + (first_node(l + 1) + PATCH_FIRST_LANE) / PATCH_WIDTH;
+      for (uint b = 0; b < 1u << 2 * (l - 1); ++b) {
+        const Nodes16 nodes = l + 1 == level ? build_leaves16(&maker, p, map, level, build.edges, b, lo, scale,
+                                                                 vertices + GRID_FLOATS * b)
+                                                : load_nodes16(below + b);
+        const uint at = first + 4 * b;
+        build_parents4(&nodes, blocks + at / PATCH_WIDTH, at % PATCH_WIDTH);
+      }
     }
   }
+  if (level > 0) build_inner(blocks, 0);
 #else
   for (uint v = id; v < count; v += GROUP) {
     const float3 place = patch_vertex(p, map, level, build.edges, v % side, v / side);

@@ -1,5 +1,5 @@
-// A comparison's lanes as bits, lane 0 lowest, and sixteen scattered 16-bit numbers. OpenCL C has no word for
-// either; where the compiler is clang for AVX-512 (PoCL), its own words are one instruction each.
+// A comparison's lanes as bits, lane 0 lowest, sixteen scattered 16-bit numbers, the greatest lane. OpenCL C has no
+// words for them; where the compiler is clang for AVX-512 (PoCL), its own words are one instruction each.
 #ifndef RBVH_LANES_H
 #define RBVH_LANES_H
 
@@ -24,6 +24,13 @@ static inline int16 gather16(__global const ushort* from, int16 at) {
                  from[at.se], from[at.sf]);
 }
 #endif
+
+static inline float greatest(float16 v) {
+  const float8 v8 = max(v.lo, v.hi);
+  const float4 v4 = max(v8.lo, v8.hi);
+  const float2 v2 = max(v4.lo, v4.hi);
+  return max(v2.x, v2.y);
+}
 
 static inline uint lowest_bit(uint mask) { return 31u - clz(mask & (0u - mask)); }
 #endif

@@ -104,6 +104,18 @@ typedef struct RbvhChunk {
 } RbvhChunk;
 RBVH_LAYOUT_SIZE(RbvhChunk, 312);
 
+// A tile for tracing.
+typedef struct RbvhTile {
+  float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
+  rbvh_u32 offset;    // its first texel in the heights; they lie row by row
+  rbvh_u16 width, height;
+  float step_limit;    // in height quanta
+  float top;           // the largest height
+  float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
+  rbvh_u32 exact_first, exact_count;  // chunks of primitives that stand for the heights, if any
+} RbvhTile;
+RBVH_LAYOUT_SIZE(RbvhTile, 96);
+
 // --- points on the surface ------------------------------------------------------------------------------------------
 // A leaf that a point lies near, and where: u, v in texels of its tile. `distance` in scan units to the leaf's surface: of
 // a tile along its w, of a leaf that keeps primitives to the nearest of them. `covers` 0: the point lies beside the

@@ -95,14 +95,13 @@ typedef struct PatchJob {
 } PatchJob;
 RBVH_LAYOUT_SIZE(PatchJob, 32);
 
-// What a ray's way through the patches has come to. Patches that the ray enters up to (t, pair) are done with; it
-// enters the next one at next_t.
-typedef struct PatchProgress {
-  float t;
-  rbvh_u32 pair;
-  float next_t;
-} PatchProgress;
-RBVH_LAYOUT_SIZE(PatchProgress, 12);
+// The rays that a cast begins with: of `count` from `first` on every stride-th. `row`: they are rows of so many pixels,
+// and neighbours shall follow each other; 0: any.
+typedef struct RayRange {
+  rbvh_u32 first, count, stride, row;
+  rbvh_u32 keep_hits;  // they have been cast at something else
+} RayRange;
+RBVH_LAYOUT_SIZE(RayRange, 20);
 
 // How fine a ray wants it: what it resolves at t is width + spread * t, in units of t.
 typedef struct RayDetail {

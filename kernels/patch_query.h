@@ -28,7 +28,7 @@ typedef struct PatchFound {
 
 typedef struct PatchTree {
   __global const PatchBlock* blocks;
-  __global const float* vertices;  // x y z, row by row; null where nothing is built
+  __global const float* vertices;  // x y z, row by row, or grids; null where nothing is built
   uint level;
   uint wanted;  // levels that the ray can resolve; at most `level`
   // Where nothing is built: what vertices are made of.
@@ -72,15 +72,18 @@ static inline uint meet_planes16(__global const ushort (*planes)[PATCH_WIDTH], c
   return lane_bits16(enter <= leave);
 }
 
-// The level that resolves what the ray does at t: micro-quads whose sides are about that long. `speed`: the
-// direction's length.
-static inline uint wanted_level(__global const Patch* p, RayDetail detail, float t, float speed, uint most) {
-  const float resolved = (detail.width + detail.spread * max(t, 0.0f)) * speed;
+// The same in units of length, for a ray whose direction is `speed` long.
+static inline RayDetail detail_of(RayDetail detail, float speed) {
+  const RayDetail scaled = {detail.width * speed, detail.spread * speed};
+  return scaled;
+}
+
+// The level that resolves what the ray does at t: micro-quads whose sides are about that long.
+static inline uint wanted_level(__global const Patch* p, RayDetail detail, float t, uint most) {
+  const float resolved = detail.width + detail.spread * max(t, 0.0f);
   const float pieces = p->size / resolved * 0.70710678f;  // the nearest power of two
   if (!(pieces < (float)(1u << PATCH_MOST_LEVEL))) return most;
-  uint level = 0;
-  while (level < most && (float)(1u << level) < pieces) ++level;
-  return level;
+  return pieces <= 1.0f ? 0u : min(most, ((as_uint(pieces) - 1) >> 23) - 126);
 }
 
 // A micro-quad's corners a b c d, one row an axis.
@@ -96,6 +99,16 @@ static inline void load_corners(const PatchTree* tree, uint m, float4* corners) 
     corners[2] = (float4)(a.z, b.z, c.z, d.z);
     return;
   }
+#ifdef WIDE
+  if (tree->level >= 2) {
+    __global const float* grid = tree->vertices + GRID_FLOATS * (m / PATCH_WIDTH) + 5 * (j % 4) + i % 4;
+    for (uint axis = 0; axis < 3; ++axis) {
+      const float2 ab = vload2(0, grid + GRID_AXIS * axis), dc = vload2(0, grid + GRID_AXIS * axis + 5);
+      corners[axis] = (float4)(ab, dc.yx);
+    }
+    return;
+  }
+#endif
   __global const float* at = tree->vertices + 3 * (j * side + i);
   const float8 ab = vload8(0, at), dc = vload8(0, at + 3 * side);  // two floats more than needed
   corners[0] = (float4)(ab.s03, dc.s30);
@@ -152,8 +165,9 @@ static inline void finish_found(const PatchTree* tree, PatchFound* found) {
   float4 corners[3];
   load_corners(tree, found->at, corners);
   const float v = found->u, w = found->v;
-  found->u = ((float)i + (second ? v : v + w)) / (float)n;
-  found->v = ((float)j + (second ? v + w : w)) / (float)n;
+  // Two weights can be more than one by rounding.
+  found->u = min(((float)i + (second ? v : v + w)) / (float)n, 1.0f);
+  found->v = min(((float)j + (second ? v + w : w)) / (float)n, 1.0f);
   float p[3], r[3], largest = 0.0f;
   for (uint axis = 0; axis < 3; ++axis) {
     p[axis] = (second ? corners[axis].z : corners[axis].y) - corners[axis].x;
@@ -200,6 +214,14 @@ static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, ui
   *y = (vload16(0, place[q->ky]) - q->origin[q->ky]) - q->sy * z;
 }
 
+// Whether the ray goes through one of the triangles a b c and a c d, or on an edge: by the signed areas between it and the
+// edges ab, bc, cd, da, and the diagonal ac.
+static inline uint inside_either(float16 ab, float16 bc, float16 cd, float16 da, float16 ac) {
+  const int16 out_abc = ((ab < 0.0f) | (bc < 0.0f) | (ac > 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ac < 0.0f));
+  const int16 out_acd = ((ac < 0.0f) | (cd < 0.0f) | (da < 0.0f)) & ((ac > 0.0f) | (cd > 0.0f) | (da > 0.0f));
+  return lane_bits16(~(out_abc & out_acd));
+}
+
 // A ray and a patch that is not built, of level 4 or more: the micro-quads of those parts that the ray meets, row by row,
 // each row's vertices made on the way. Cheaper than building for few rays, and in memory not at all. Returns micro-quads
 // looked at.
@@ -228,9 +250,7 @@ static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, floa
                       cy = shuffle(y1, shifted);
         const float16 ab = x0 * by - y0 * bx, bc = bx * cy - by * cx, cd = cx * y1 - cy * x1, da = x1 * y0 - y1 * x0,
                       ac = x0 * cy - y0 * cx;
-        const int16 out_abc = ((ab < 0.0f) | (bc < 0.0f) | (ac > 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ac < 0.0f));
-        const int16 out_acd = ((ac < 0.0f) | (cd < 0.0f) | (da < 0.0f)) & ((ac > 0.0f) | (cd > 0.0f) | (da > 0.0f));
-        uint near = lane_bits16(~(out_abc & out_acd)) & ((1u << quads) - 1);
+        uint near = inside_either(ab, bc, cd, da, ac) & ((1u << quads) - 1);
         visited += quads;
         for (; near != 0; near &= near - 1) {
           const uint column = i + lowest_bit(near);
@@ -266,24 +286,85 @@ static inline uint four_times(uint bits) {
   return ((bits | bits << 3) & 0x1111u) * 15u;
 }
 
-// The finest level's micro-quads in `mask` of a block, nearest first. Returns how many were met.
-static inline uint meet_leaves(const PatchTree* tree, uint first, uint mask, float16 entry, const Query* q, uint any,
-                               PatchFound* found) {
-  float t[16];
-  vstore16(entry, 0, t);
+// The vertices of 16 micro-quads, axes in the order x y z of the ray's own space.
+typedef struct Grid16 {
+  GridAxis axes[3];
+} Grid16;
+
+// Of the finest level's b-th 16.
+static inline void load_grid(const PatchTree* tree, uint b, const Query* q, Grid16* grid) {
+  __global const float* from = tree->vertices + GRID_FLOATS * b;
+  grid->axes[0] = load_grid_axis(from, q->kx);
+  grid->axes[1] = load_grid_axis(from, q->ky);
+  grid->axes[2] = load_grid_axis(from, q->kz);
+}
+
+// Which of 16 micro-quads the ray may hit, as bits: by the arithmetic of meet_micro_quad(), but for signs that float
+// cannot tell, which are left to that.
+static inline uint may_meet16(const Grid16* grid, const Query* q) {
+  const GridAxis x = grid->axes[0], y = grid->axes[1], z = grid->axes[2];
+  const float16 z0 = z.first - q->origin[q->kz], z1 = z.second - q->origin[q->kz];
+  const float16 x0 = (x.first - q->origin[q->kx]) - q->sx * z0, x1 = (x.second - q->origin[q->kx]) - q->sx * z1;
+  const float16 y0 = (y.first - q->origin[q->ky]) - q->sy * z0, y1 = (y.second - q->origin[q->ky]) - q->sy * z1;
+  const float16 ax = GRID_A(x0, x1), ay = GRID_A(y0, y1), bx = GRID_B(x0, x1), by = GRID_B(y0, y1);
+  const float16 cx = GRID_C(x0, x1), cy = GRID_C(y0, y1), dx = GRID_D(x0, x1), dy = GRID_D(y0, y1);
+  return inside_either(ax * by - ay * bx, bx * cy - by * cx, cx * dy - cy * dx, dx * ay - dy * ax, ax * cy - ay * cx);
+}
+
+// Micro-quads of the finest level's b-th 16. Returns how many were met.
+static inline uint meet_leaves(const PatchTree* tree, uint b, const Query* q, uint any, PatchFound* found) {
+  Grid16 grid;
+  load_grid(tree, b, q, &grid);
   uint met = 0;
-  while (mask != 0) {
-    uint lane = lowest_bit(mask);
-    for (uint rest = mask & (mask - 1); rest != 0; rest &= rest - 1) {
-      const uint other = lowest_bit(rest);
-      if (t[other] < t[lane]) lane = other;
-    }
-    mask &= ~(1u << lane);
-    if (t[lane] > found->t) break;
+  for (uint near = may_meet16(&grid, q); near != 0; near &= near - 1) {
     ++met;
-    if (meet_micro_quad(tree, first + lane - first_node(tree->level), q, found) && any) break;
+    if (meet_micro_quad(tree, PATCH_WIDTH * b + lowest_bit(near), q, found) && any) break;
   }
   return met;
+}
+
+// What a ray will soon read is far away: several blocks are asked for at once.
+static inline void ask_for(__global const PatchBlock* blocks, uint first, uint mask) {
+#if defined(__clang__) && defined(__AVX512VL__)
+  for (; mask != 0; mask &= mask - 1) {
+    const char* block = (const char*)(size_t)(blocks + first + lowest_bit(mask));
+    __builtin_prefetch(block);
+    __builtin_prefetch(block + 64);
+    __builtin_prefetch(block + 128);
+    __builtin_prefetch(block + 192);
+    __builtin_prefetch(block + 256);
+  }
+#endif
+}
+
+// Where to begin in a patch of level 2 or more, of whose 16 parts `parts` are met; 0: nowhere.
+static inline uint first_visit(const PatchTree* tree, uint loose, uint parts, float16 parts_entry, uint* stack,
+                               float* stack_t, uint* depth) {
+  const uint level = tree->level;
+  if (parts == 0) return 0;
+  if (loose || level < 4) return level & 1 ? VISIT(0u, 1u, 8u) : VISIT(1u, 2u, 0u);
+  if (!(level & 1)) {
+    ask_for(tree->blocks, 6, parts);
+    return take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, depth);
+  }
+  // A part's children are a quarter of a block, four parts' a block.
+  float t[16];
+  vstore16(parts_entry, 0, t);
+  for (uint k = 0; k < 4; ++k) {
+    const uint quarters = parts >> 4 * k & 15;
+    if (quarters == 0) continue;
+    ask_for(tree->blocks, 2 + k, 1);
+    float first_t = INFINITY;
+    for (uint rest = quarters; rest != 0; rest &= rest - 1) first_t = min(first_t, t[4 * k + lowest_bit(rest)]);
+    uint at = (*depth)++;
+    for (; at > 0 && stack_t[at - 1] < first_t; --at) {
+      stack[at] = stack[at - 1];
+      stack_t[at] = stack_t[at - 1];
+    }
+    stack[at] = VISIT(2 + k, 3u, quarters);
+    stack_t[at] = first_t;
+  }
+  return stack[--*depth];
 }
 
 // Nearest hit, or any. `parts` and `parts_entry`: which of the patch's 16 parts the ray meets, and where. Returns blocks
@@ -291,64 +372,44 @@ static inline uint meet_leaves(const PatchTree* tree, uint first, uint mask, flo
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links, const Query* q,
                            const PatchRay* ray, uint parts, float16 parts_entry, uint any, PatchFound* found) {
   const uint level = tree->level;
-  if (level == 0) return meet_micro_quad(tree, 0, q, found), 1;
-  uint stack[PATCH_STACK], depth = 0, visited = 0, current;
-  float stack_t[PATCH_STACK];
-  if (p->loose || level < 4) {
-    current = level & 1 ? VISIT(0u, 1u, 8u) : VISIT(1u, 2u, 0u);
-  } else if (level & 1) {
-    // A part's children are a quarter of a block, four parts' a block.
-    float t[16];
-    vstore16(parts_entry, 0, t);
-    for (uint k = 0; k < 4; ++k) {
-      const uint quarters = parts >> 4 * k & 15;
-      if (quarters == 0) continue;
-      float first_t = INFINITY;
-      for (uint rest = quarters; rest != 0; rest &= rest - 1) first_t = min(first_t, t[4 * k + lowest_bit(rest)]);
-      uint at = depth++;
-      for (; at > 0 && stack_t[at - 1] < first_t; --at) {
-        stack[at] = stack[at - 1];
-        stack_t[at] = stack_t[at - 1];
-      }
-      stack[at] = VISIT(2 + k, 3u, quarters);
-      stack_t[at] = first_t;
-    }
-    if (depth == 0) return 0;
-    current = stack[--depth];
-  } else {
-    if (parts == 0) return 0;
-    current = take_children(0, VISIT(6u, 4u, 0u), parts, parts_entry, stack, stack_t, &depth);
+  if (level < 2) {
+    for (uint m = 0; m < 1u << 2 * level; ++m) meet_micro_quad(tree, m, q, found);
+    return 1u << 2 * level;
   }
+  uint stack[PATCH_STACK], depth = 0, visited = 0;
+  float stack_t[PATCH_STACK];
+  uint current = first_visit(tree, p->loose, parts, parts_entry, stack, stack_t, &depth);
+  if (current == 0) return 0;
   while (true) {
     ++visited;
     const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarters = current >> 28;
-    __global const PatchBlock* block = tree->blocks + at;
-    float16 entry;
-    uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
-    if (quarters != 0) mask &= four_times(quarters);
     uint next = 0;
-    if (mask != 0) {
-      const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
-      if (at_level == level) {
-        visited += meet_leaves(tree, first, mask, entry, q, any, found);
-        if (any && found->hit > FOUND_BEFORE) return visited;
-      } else {
-        if (at_level >= tree->wanted) {
-          // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
-          const uint outside = mask & lane_bits16(entry > q->tmin);
-          if (outside != 0) {
-            float t[16];
-            vstore16(entry, 0, t);
-            uint lane = lowest_bit(outside);
-            for (uint rest = outside & (outside - 1); rest != 0; rest &= rest - 1)
-              if (t[lowest_bit(rest)] < t[lane]) lane = lowest_bit(rest);
-            if (t[lane] < found->t) take_box(block, lane, t[lane], found);
-            if (any) return visited;
-            mask &= ~outside;
-          }
+    if (at_level == level) {
+      visited += meet_leaves(tree, at - block_count(level), q, any, found);
+      if (any && found->hit > FOUND_BEFORE) return visited;
+    } else {
+      __global const PatchBlock* block = tree->blocks + at;
+      float16 entry;
+      uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
+      if (quarters != 0) mask &= four_times(quarters);
+      if (mask != 0 && at_level >= tree->wanted) {
+        // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
+        const uint outside = mask & lane_bits16(entry > q->tmin);
+        if (outside != 0) {
+          float t[16];
+          vstore16(entry, 0, t);
+          uint lane = lowest_bit(outside);
+          for (uint rest = outside & (outside - 1); rest != 0; rest &= rest - 1)
+            if (t[lowest_bit(rest)] < t[lane]) lane = lowest_bit(rest);
+          if (t[lane] < found->t) take_box(block, lane, t[lane], found);
+          if (any) return visited;
+          mask &= ~outside;
         }
-        if (mask != 0)
-          next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
+      }
+      if (mask != 0) {
+        const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
+        ask_for(tree->blocks, first + 1, mask);
+        next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }
     while (next == 0) {

@@ -9,12 +9,41 @@
 // The first node of a level; also the number of nodes above it.
 static inline uint first_node(uint level) { return ((1u << 2 * level) - 1) / 3; }
 
-// Blocks of a hierarchy of so many levels.
-static inline uint block_count(uint level) { return level == 0 ? 1 : ((4u << 2 * level) + 32) / 48; }
+// Blocks of a hierarchy of so many levels. WIDE: the finest level from 2 on has no boxes, as its micro-quads are met 16 at
+// a time; in their place are the grids of their vertices.
+static inline uint block_count(uint level) {
+#ifdef WIDE
+  if (level >= 2) --level;
+#endif
+  return level == 0 ? 1 : ((4u << 2 * level) + 32) / 48;
+}
 
 static inline __global const float* slot_vertices(__global const PatchBlock* blocks, uint level) {
   return (__global const float*)(blocks + block_count(level));
 }
+
+// WIDE: the 5 x 5 vertices of 16 micro-quads, as many floats as a block: x row by row, then y, then z.
+#define GRID_FLOATS 80
+#define GRID_AXIS 25
+
+// Along one axis: rows 0 to 2 begin at lanes 0, 5, 10 of `first`, rows 2 to 4 at lanes 1, 6, 11 of `second`.
+typedef struct GridAxis {
+  float16 first, second;
+} GridAxis;
+
+static inline GridAxis load_grid_axis(__global const float* grid, uint axis) {
+  const GridAxis loaded = {vload16(0, grid + GRID_AXIS * axis), vload16(0, grid + GRID_AXIS * axis + 9)};
+  return loaded;
+}
+
+// The corners (0,0), (1,0), (1,1), (0,1) of each micro-quad, of a GridAxis' two vectors.
+#define GRID_A(f, s) MORTON16((f).s0123, (f).s5678, (f).sabcd, (s).s6789)
+#define GRID_B(f, s) MORTON16((f).s1234, (f).s6789, (f).sbcde, (s).s789a)
+#define GRID_C(f, s) MORTON16((f).s6789, (f).sbcde, (s).s789a, (s).scdef)
+#define GRID_D(f, s) MORTON16((f).s5678, (f).sabcd, (s).s6789, (s).sbcde)
+
+// Four rows of four numbers in the order of a Morton curve.
+#define MORTON16(a, b, c, d) (float16)((a).lo, (b).lo, (a).hi, (b).hi, (c).lo, (d).lo, (c).hi, (d).hi)
 
 static inline uint even_bits(uint m) {
   m &= 0x55555555u;

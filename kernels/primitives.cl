@@ -97,6 +97,8 @@ __kernel void primitives_discs(__global const float* positions, __global const f
   area_normal[j] = n * (spacing * spacing);
 }
 
+// A patch of fewer primitives than this is no noise, but what the scan has of a shape.
+#define MANY 12u
 // The part of their area that normals' sum must have to be of one side.
 #define ONE_SIDED 0.35f
 
@@ -131,7 +133,7 @@ __kernel void primitives_smooth_areas(uint count, uint window, float limit, __gl
   for (uint begin = first, end; begin < last; begin = end) {
     float area = box_lo[begin].w;
     for (end = begin + 1; end < last && area + box_lo[end].w <= limit; ++end) area += box_lo[end].w;
-    if (end - begin < 2 || !(area > 0.0f)) continue;
+    if (end - begin < MANY || !(area > 0.0f)) continue;
     const float4 axis = main_axis(area_normal, begin, end);
     float4 sums[2] = {(float4)(0.0f), (float4)(0.0f)};
     for (uint i = begin; i < end; ++i) {

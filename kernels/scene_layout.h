@@ -13,9 +13,18 @@ typedef struct ScenePlacement {
   float lo[3];          // the object's box in the world
   rbvh_u32 first_leaf;  // of its own leaf 0 among all
   float hi[3];
-  rbvh_u32 unused;
+  rbvh_u32 tracer;  // of its object
 } ScenePlacement;
 RBVH_LAYOUT_SIZE(ScenePlacement, 80);
+
+// How far a ray has come among instances or patches, nearest first: those that it enters up to (t, id) are done with; it
+// enters the next one at next_t.
+typedef struct RayProgress {
+  float t;
+  rbvh_u32 id;
+  float next_t;
+} RayProgress;
+RBVH_LAYOUT_SIZE(RayProgress, 12);
 
 #ifndef __OPENCL_VERSION__
 }  // namespace rbvh

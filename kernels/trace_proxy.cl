@@ -10,6 +10,10 @@
 // GROUP work-items share a job; WIDE: boxes are met 16 at once; STACK: entries of the upper hierarchies' stack;
 // MOST: pairs a ray and round; ATOMICS: nearest hits by 64-bit atomic minimum, else in order.
 #include "patch_query.h"
+#ifdef WIDE
+#include "patch_packet.h"
+#endif
+#include "nearest_few.h"
 #include "no_hit.h"
 #include "object_ray.h"
 #include "work_queue.h"
@@ -26,13 +30,18 @@ static inline Ray instance_ray(__global const PatchInstance* instance, const Ray
 
 static inline float ray_speed(const Ray* ray) { return length(vload3(0, ray->direction)); }
 
-// prepare() with the object's box, which is what rounding is measured by.
-static inline bool prepare_in(__global const PatchInstance* instance, const Ray* ray, Query* q) {
+static inline ExactScene instance_box(__global const PatchInstance* instance) {
   ExactScene box;
   for (uint axis = 0; axis < 3; ++axis) {
     box.lo[axis] = instance->lo[axis];
     box.hi[axis] = instance->hi[axis];
   }
+  return box;
+}
+
+// prepare() with the object's box, which is what rounding is measured by.
+static inline bool prepare_in(__global const PatchInstance* instance, const Ray* ray, Query* q) {
+  const ExactScene box = instance_box(instance);
   return prepare(ray, &box, q);
 }
 
@@ -55,17 +64,9 @@ static inline Hit make_hit(const PatchFound* found, __global const PatchInstance
 }
 
 static inline float nearest_entry(uint mask, float16 entry) {
-  float t16[16], t = INFINITY;
-  vstore16(entry, 0, t16);
-  for (uint rest = mask; rest != 0; rest &= rest - 1) t = min(t, t16[lowest_bit(rest)]);
-  return t;
+  const uint16 lanes = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  return -greatest(select((float16)(-INFINITY), -entry, as_int16((uint16)(mask) << (31 - lanes))));
 }
-
-// A patch that a ray enters at t and that is not built.
-typedef struct Candidate {
-  float t;
-  uint pair;
-} Candidate;
 
 typedef struct Scene {
   __global const ExactNode* nodes;
@@ -79,22 +80,23 @@ typedef struct Scene {
 
 typedef struct Search {
   const Ray* world;
-  uint any, at_once, most;
+  uint any, at_once;
   RayDetail detail;
-  PatchProgress after;  // patches entered before are done with
-  float limit;          // nearest hit so far
-  Candidate nearest[MOST + 1];  // one more than become pairs: whether the ray must go on depends on it
-  uint count;
+  RayDetail resolved;  // the same in the instance that is being met
+  float limit;     // nearest hit so far
+  NearestFew few;  // patches that are not built, as pairs
   uint visited;
   Hit hit;
+  float t_before;  // of what was found before the search
+  uint leaf_before;
 } Search;
 
 static inline float search_limit(const Search* s) {
-  return s->count > s->most ? min(s->limit, s->nearest[s->most].t) : s->limit;
+  return few_limit(&s->few, s->limit);
 }
 
-static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Ray* ray,
-                              const Query* q, Search* s) {
+static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Query* q,
+                              Search* s) {
   __global const Patch* p = scene->patches + patch;
   const PatchRay r = patch_ray(p, q);
   float16 entry;
@@ -103,12 +105,12 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
   if (mask == 0) return;
   const float t = nearest_entry(mask, entry);
   const uint pair = instance->first_pair + (patch - instance->first_patch);
-  if (t < s->after.t || (t == s->after.t && pair <= s->after.pair)) return;
+  if (is_done_with(&s->few, t, pair)) return;
   const PatchSlot slot = scene->slots[patch];
   if (s->at_once && slot.at != PATCH_NOT_BUILT) {
     __global const PatchBlock* blocks = scene->cache + slot.at;
     PatchTree tree = built_tree(blocks, slot.level);
-    tree.wanted = wanted_level(p, s->detail, t, ray_speed(ray), slot.level);
+    tree.wanted = wanted_level(p, s->resolved, t, slot.level);
     PatchFound found;
     found.t = s->limit;
     found.hit = s->hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
@@ -120,16 +122,7 @@ static inline void meet_patch(const Scene* scene, __global const PatchInstance* 
     }
     return;
   }
-  if (s->count > s->most) {
-    const Candidate last = s->nearest[s->most];
-    if (t > last.t || (t == last.t && pair > last.pair)) return;
-    --s->count;
-  }
-  uint at = s->count++;
-  for (; at > 0 && (s->nearest[at - 1].t > t || (s->nearest[at - 1].t == t && s->nearest[at - 1].pair > pair)); --at)
-    s->nearest[at] = s->nearest[at - 1];
-  s->nearest[at].t = t;
-  s->nearest[at].pair = pair;
+  add_candidate(&s->few, t, pair);
 }
 
 // All patches of an instance, nearest first as far as boxes tell.
@@ -138,12 +131,13 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
   const Ray ray = instance_ray(instance, world);
   Query q;
   if (!prepare_in(instance, &ray, &q)) return;
+  s->resolved = detail_of(s->detail, ray_speed(&ray));
   uint stack[STACK], depth = 0, current = instance->root;
   float stack_t[STACK];
   while (true) {
     uint next = 0;
     if (current & EXACT_LEAF_BIT) {
-      meet_patch(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &ray, &q, s);
+      meet_patch(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &q, s);
       if (s->any && s->hit.leaf != RBVH_NO_LEAF) return;
     } else {
       ++s->visited;
@@ -161,80 +155,285 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
   }
 }
 
-// Ray active[i] goes on from `progress`, with `hits` as what was found before; pairs go behind each
-// other, from pair_ranges[i].x on, .y of them.
-__kernel void cast_top(__global const ExactNode* nodes, ExactScene top, __global const PatchInstance* instances,
-                       __global const Patch* patches, __global const PatchParts* parts,
-                       __global const PatchSlot* slots, __global const PatchBlock* cache, __global const uint* links,
-                       __global const Ray* rays, __global const uint* active, uint count, uint any, uint at_once,
-                       uint most, RayDetail detail, __global Hit* hits, __global PatchProgress* progress,
-                       __global uint* pair_keys, __global uint* pair_rays, __global uint* pair_places,
-                       __global uint2* pair_ranges, __global uint* pair_count, __global uint* steps) {
+// One ray and everything.
+static inline void meet_all(const Scene* scene, const ExactScene* top, const Ray* ray, Search* s) {
+  if (s->any && s->leaf_before != RBVH_NO_LEAF) return;
+  if (top->root & EXACT_LEAF_BIT) {
+    meet_instance(scene, top->root & ~EXACT_LEAF_BIT, ray, s);
+    return;
+  }
+  Query q;
+  if (!prepare(ray, top, &q)) return;
+  uint stack[STACK], depth = 0, current = top->root;
+  float stack_t[STACK];
+  while (true) {
+    uint next = 0;
+    if (current & EXACT_LEAF_BIT) {
+      meet_instance(scene, current & ~EXACT_LEAF_BIT, ray, s);
+      if (s->any && s->hit.leaf != RBVH_NO_LEAF) return;
+    } else {
+      ++s->visited;
+      __global const ExactNode* node = scene->nodes + current;
+      float16 entry;
+      const uint mask = meet_children(node, &q, search_limit(s), &entry);
+      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+    }
+    while (next == 0) {
+      if (depth == 0) return;
+      --depth;
+      if (stack_t[depth] <= search_limit(s)) next = stack[depth];
+    }
+    current = next;
+  }
+}
+
+static inline void begin_search(Search* s, const Ray* ray, uint any, uint at_once, uint most, RayDetail detail) {
+  s->world = ray;
+  s->any = any;
+  s->at_once = at_once;
+  s->detail = detail;
+  s->few.after = no_progress();
+  s->few.most = most;
+  s->few.count = 0;
+  s->hit = no_hit();
+  s->limit = min(ray->tmax, FLT_MAX);
+  s->visited = 0;
+  s->leaf_before = RBVH_NO_LEAF;
+  s->t_before = INFINITY;
+}
+
+// Starting from a hit.
+static inline void begin_after(Search* s, Hit before) {
+  s->hit = before;
+  s->limit = min(s->limit, before.t);
+  s->leaf_before = before.leaf;
+  s->t_before = before.t;
+}
+
+// The at-th of `count` pixels when squares of 4 x 4 are visited row by row; those at the rim are what is left.
+static inline uint square_pixel(uint at, uint count, uint row) {
+  const uint band = at / (4 * row), in_band = at - 4 * row * band;
+  const uint height = min(4u, (count - 4 * row * band) / row);
+  if (in_band >= row * height) return at;  // in a row that is cut off
+  const uint left = 4 * (in_band / (4 * height)), width = min(4u, row - left), in_square = in_band - left * height;
+  return (4 * band + in_square / width) * row + left + in_square % width;
+}
+
+// Where pairs go: behind each other. Rays with pairs are listed; those of the list's i-th are from ranges[i].x on,
+// ranges[i].y of them. counts: of pairs, and of such rays.
+typedef struct Pairs {
+  __global uint *keys, *rays, *places, *counts, *listed;
+  __global uint2* ranges;
+} Pairs;
+
+// What ray r has come to.
+static inline void end_search(Search* s, uint r, bool fresh, const Pairs* to, __global Hit* hits,
+                              __global RayProgress* progress, __global uint* steps) {
+  if (s->any && s->hit.leaf != RBVH_NO_LEAF) s->few.count = 0;
+  const uint pairs = finish_candidates(&s->few, s->limit);
+  if (fresh || s->hit.leaf != s->leaf_before || s->hit.t != s->t_before) hits[r] = s->hit;
+  if (steps) steps[r] = s->visited + (fresh ? 0u : steps[r]);
+  if (pairs == 0) return;
+  const uint first = atomic_add(to->counts, pairs), i = atomic_inc(to->counts + 1);
+  for (uint k = 0; k < pairs; ++k) {
+    to->keys[first + k] = s->few.nearest[k].id;
+    to->rays[first + k] = r;
+    to->places[first + k] = first + k;
+  }
+  to->listed[i] = r;
+  to->ranges[i] = (uint2)(first, pairs);
+  progress[r] = progress_of(&s->few);
+}
+
+// The list's i-th ray.
+static inline uint ray_number(__global const uint* active, RayRange range, uint i) {
+  if (active) return active[i];
+  if (range.row > 0) return range.first + square_pixel(i, range.count, range.row);
+  return range.first + min(i * range.stride + range.stride / 2, range.count - 1);
+}
+
+// Rays active[i] go on from `progress`, with `hits` as what was found before; without `active`, those of `range` begin.
+#define CAST_TOP_ARGUMENTS                                                                                             \
+  __global const ExactNode *nodes, ExactScene top, __global const PatchInstance *instances,                            \
+      __global const Patch *patches, __global const PatchParts *parts, __global const PatchSlot *slots,                \
+      __global const PatchBlock *cache, __global const uint *links, __global const Ray *rays,                          \
+      __global const uint *active, RayRange range, uint count, uint any, uint at_once, uint most, RayDetail detail,    \
+      __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,          \
+      __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed, __global uint *counts,           \
+      __global uint *steps
+
+__kernel void cast_top(CAST_TOP_ARGUMENTS) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
-  const uint r = active[i];
+  const uint r = ray_number(active, range, i);
   const Ray ray = rays[r];
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
+  const Pairs pairs = {pair_keys, pair_rays, pair_places, counts, listed, pair_ranges};
+  const bool is_fresh = !active && !range.keep_hits;
   Search s;
-  s.world = &ray;
-  s.any = any;
-  s.at_once = at_once;
-  s.most = most;
-  s.detail = detail;
-  s.after = progress[r];
-  s.hit = hits[r];
-  s.limit = min(min(ray.tmax, FLT_MAX), s.hit.t);
-  s.count = s.visited = 0;
-  const uint leaf_before = s.hit.leaf;
-  const float t_before = s.hit.t;
-  Query q;
-  if (any && leaf_before != RBVH_NO_LEAF) {
-  } else if (top.root & EXACT_LEAF_BIT) {
-    meet_instance(&scene, top.root & ~EXACT_LEAF_BIT, &ray, &s);
-  } else if (prepare(&ray, &top, &q)) {
-    uint stack[STACK], depth = 0, current = top.root;
-    float stack_t[STACK];
-    while (true) {
-      uint next = 0;
-      if (current & EXACT_LEAF_BIT) {
-        meet_instance(&scene, current & ~EXACT_LEAF_BIT, &ray, &s);
-        if (any && s.hit.leaf != RBVH_NO_LEAF) break;
-      } else {
-        ++s.visited;
-        __global const ExactNode* node = nodes + current;
-        float16 entry;
-        const uint mask = meet_children(node, &q, search_limit(&s), &entry);
-        if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+  begin_search(&s, &ray, any, at_once, most, detail);
+  if (active) s.few.after = progress[r];
+  if (!is_fresh) begin_after(&s, hits[r]);
+  meet_all(&scene, &top, &ray, &s);
+  end_search(&s, r, is_fresh, &pairs, hits, progress, steps);
+}
+
+#ifdef WIDE
+// What ray i has left of its way; a ray that can hit nothing has none.
+static inline void load_limits(const Packet* p, const Search* s, float* limits) {
+  for (uint i = 0; i < PACKET; ++i) limits[i] = p->lanes >> i & 1 ? search_limit(s + i) : -INFINITY;
+}
+
+static inline void meet_patch_packet(const Scene* scene, __global const PatchInstance* instance, uint patch,
+                                     Packet* p, Search* s, float* limits, uint* visited) {
+  __global const Patch* patch_at = scene->patches + patch;
+  PatchPacket r;
+  patch_packet(patch_at, p, &r);
+  float16 entry, left;
+  const uint mask =
+      meet_planes_packet(scene->parts[patch].planes, p, &r, greatest(vload16(0, limits)), &entry, &left);
+  ++*visited;
+  if (mask == 0) return;
+  uint lanes = meet_patch_box(p, &r, limits);
+  const PatchSlot slot = scene->slots[patch];
+  if (s->at_once && slot.at != PATCH_NOT_BUILT && slot.level >= 2 && popcount(lanes) >= PACKET_LEAST &&
+      wanted_level(patch_at, detail_of(s->detail, p->speed), greatest(left), slot.level) == slot.level) {
+    const PatchTree tree = built_tree(scene->cache + slot.at, slot.level);
+    PatchFound found[PACKET];
+    float found_limits[PACKET];
+    for (uint i = 0; i < PACKET; ++i) {
+      const bool used = p->lanes >> i & 1;
+      found[i].t = found_limits[i] = used ? s[i].limit : -INFINITY;
+      found[i].hit = used && s[i].hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
+    }
+    *visited += traverse_patch_packet(&tree, patch_at, p, &r, mask, entry, found_limits, found);
+    for (uint i = 0; i < PACKET; ++i) {
+      if (found[i].hit <= FOUND_BEFORE) continue;
+      finish_found(&tree, found + i);
+      s[i].limit = found[i].t;
+      s[i].hit = make_hit(found + i, instance, patch, s[i].world);
+    }
+  } else {
+    for (; lanes != 0; lanes &= lanes - 1) {
+      const uint i = lowest_bit(lanes);
+      if (!(p->whole >> i & 1)) {
+        const Ray ray = instance_ray(instance, s[i].world);
+        prepare_in(instance, &ray, p->rays + i);
+        s[i].resolved = detail_of(s[i].detail, ray_speed(&ray));
+        p->whole |= 1u << i;
       }
-      while (next == 0 && depth > 0) {
-        --depth;
-        if (stack_t[depth] <= search_limit(&s)) next = stack[depth];
-      }
-      if (next == 0) break;
-      current = next;
+      meet_patch(scene, instance, patch, p->rays + i, s + i);
     }
   }
-  if (any && s.hit.leaf != RBVH_NO_LEAF) s.count = 0;
-  while (s.count > 0 && s.nearest[s.count - 1].t > s.limit) --s.count;  // behind what was found since
-  if (s.hit.leaf != leaf_before || s.hit.t != t_before) hits[r] = s.hit;
-  if (steps) steps[r] += s.visited;
-  const uint pairs = min(s.count, most);
-  uint first = 0;
-  if (pairs > 0) first = atomic_add(pair_count, pairs);
-  for (uint k = 0; k < pairs; ++k) {
-    pair_keys[first + k] = s.nearest[k].pair;
-    pair_rays[first + k] = r;
-    pair_places[first + k] = first + k;
-  }
-  pair_ranges[i] = (uint2)(first, pairs);
-  PatchProgress done = {INFINITY, 0xffffffffu, INFINITY};
-  if (s.count > most) {
-    done.t = s.nearest[most - 1].t;
-    done.pair = s.nearest[most - 1].pair;
-    done.next_t = s.nearest[most].t;
-  }
-  progress[r] = done;
+  load_limits(p, s, limits);
 }
+
+static inline void meet_instance_packet(const Scene* scene, uint at, const RayLanes* world, Search* s, uint* visited) {
+  __global const PatchInstance* instance = scene->instances + at;
+  const PatchInstance placed = *instance;
+  RayLanes rays;
+  place_lanes(placed.to_object, world, &rays);
+  const ExactScene box = instance_box(instance);
+  float from[PACKET];
+  for (uint i = 0; i < PACKET; ++i) from[i] = world->used >> i & 1 ? search_limit(s + i) : -INFINITY;
+  rays.used = lanes_that_meet(&rays, &box, vload16(0, from));
+  Packet p;
+  p.lanes = rays.used;
+  if (popcount(rays.used) < PACKET_LEAST || !prepare_packet(&rays, &box, &p)) {
+    for (uint lanes = p.lanes; lanes != 0; lanes &= lanes - 1) {
+      const uint i = lowest_bit(lanes);
+      meet_instance(scene, at, s[i].world, s + i);
+    }
+    return;
+  }
+  float limits[PACKET];
+  load_limits(&p, s, limits);
+  uint stack[STACK], depth = 0, current = instance->root;
+  float stack_t[STACK];
+  while (true) {
+    uint next = 0;
+    if (current & EXACT_LEAF_BIT) {
+      meet_patch_packet(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &p, s, limits, visited);
+    } else {
+      ++*visited;
+      __global const ExactNode* node = scene->nodes + current;
+      float16 entry;
+      const uint mask = meet_children_packet(node, &p, greatest(vload16(0, limits)), &entry);
+      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+    }
+    const float limit = greatest(vload16(0, limits));
+    while (next == 0) {
+      if (depth == 0) return;
+      --depth;
+      if (stack_t[depth] <= limit) next = stack[depth];
+    }
+    current = next;
+  }
+}
+
+// As meet_all(). False, and nothing done, where the rays do not stay together.
+static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, const RayLanes* rays, Search* s,
+                                   uint* visited) {
+  if (top->root & EXACT_LEAF_BIT) {
+    meet_instance_packet(scene, top->root & ~EXACT_LEAF_BIT, rays, s, visited);
+    return true;
+  }
+  Packet p;
+  if (!prepare_packet(rays, top, &p)) return false;
+  float limits[PACKET];
+  load_limits(&p, s, limits);
+  uint stack[STACK], depth = 0, current = top->root;
+  float stack_t[STACK];
+  while (true) {
+    uint next = 0;
+    if (current & EXACT_LEAF_BIT) {
+      meet_instance_packet(scene, current & ~EXACT_LEAF_BIT, rays, s, visited);
+      load_limits(&p, s, limits);
+    } else {
+      ++*visited;
+      __global const ExactNode* node = scene->nodes + current;
+      float16 entry;
+      const uint mask = meet_children_packet(node, &p, greatest(vload16(0, limits)), &entry);
+      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+    }
+    const float limit = greatest(vload16(0, limits));
+    while (next == 0) {
+      if (depth == 0) return true;
+      --depth;
+      if (stack_t[depth] <= limit) next = stack[depth];
+    }
+    current = next;
+  }
+}
+
+// cast_top() for rays that begin, nearest hits, 16 of them a work-item. What a packet visits each of its rays counts.
+__kernel void cast_top_packets(CAST_TOP_ARGUMENTS) {
+  const uint begin = PACKET * (uint)get_global_id(0);
+  if (begin >= count) return;
+  const uint here = min((uint)PACKET, count - begin);
+  const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
+  const Pairs pairs = {pair_keys, pair_rays, pair_places, counts, listed, pair_ranges};
+  const bool is_fresh = !range.keep_hits;
+  Ray packet[PACKET];
+  Search s[PACKET];
+  uint numbers[PACKET];
+  for (uint i = 0; i < here; ++i) {
+    const uint r = numbers[i] = ray_number(active, range, begin + i);
+    packet[i] = rays[r];
+    begin_search(s + i, packet + i, 0, at_once, most, detail);
+    if (!is_fresh) begin_after(s + i, hits[r]);
+  }
+  RayLanes lanes;
+  load_lanes(packet, here, &lanes);
+  uint visited = 0;
+  const bool together = meet_all_packet(&scene, &top, &lanes, s, &visited);
+  for (uint i = 0; i < here; ++i) {
+    if (!together) meet_all(&scene, &top, packet + i, s + i);
+    s[i].visited += visited;
+    end_search(s + i, numbers[i], is_fresh, &pairs, hits, progress, steps);
+  }
+}
+#endif
 
 #ifdef ATOMICS
 // Larger for larger t, negative ones too.
@@ -304,7 +503,7 @@ static inline void cast_job(const Jobs* j, uint at) {
       const PatchRay pr = patch_ray(p, &q);
       float16 entry;
       const uint mask = meet_planes16(j->parts[job.patch].planes, &q, &pr, found.t, &entry);
-      tree.wanted = wanted_level(p, j->detail, nearest_entry(mask, entry), ray_speed(&ray), job.slot.level);
+      tree.wanted = wanted_level(p, detail_of(j->detail, ray_speed(&ray)), nearest_entry(mask, entry), job.slot.level);
       visited = 1 + (built ? traverse_patch(&tree, p, j->links, &q, &pr, mask, entry, j->any, &found)
                            : meet_unbuilt(&tree, &q, mask, entry, j->any, &found));
       finish_found(&tree, &found);
@@ -344,7 +543,7 @@ __kernel void add_steps(__global const uint* active, uint count, __global const 
 // Each ray's nearest of its pairs' hits. Rays that come to another patch before what they hit go on.
 __kernel void take_hits(__global const uint* active, uint count, uint any,
                         __global const uint2* pair_ranges, __global const Hit* pair_hits, NEAREST nearest,
-                        __global const PatchProgress* progress, __global Hit* hits, __global uint* next_active,
+                        __global const RayProgress* progress, __global Hit* hits, __global uint* next_active,
                         __global uint* next_count) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
@@ -371,18 +570,4 @@ __kernel void take_hits(__global const uint* active, uint count, uint any,
   const float next_t = progress[r].next_t;
   const bool goes_on = next_t < INFINITY && hit.t >= next_t && !(any && hit.leaf != RBVH_NO_LEAF);
   if (goes_on) next_active[atomic_inc(next_count)] = r;
-}
-
-// Of `count` rays from `first` on every `stride`-th is active.
-__kernel void start_rays(__global Hit* hits, __global PatchProgress* progress, __global uint* active, uint first,
-                         uint count, uint stride, uint keep_hits, __global uint* steps) {
-  const uint at = (uint)get_global_id(0), i = first + at;
-  if (at >= count) return;
-  active[at] = first + min(at * stride + stride / 2, count - 1);
-  if (!keep_hits) {
-    hits[i] = no_hit();
-    if (steps) steps[i] = 0;
-  }
-  const PatchProgress start = {-INFINITY, 0u, -INFINITY};
-  progress[i] = start;
 }

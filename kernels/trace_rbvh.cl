@@ -11,7 +11,7 @@
 // Layouts (all 32-bit words):
 //   node of width N: lo.x[N] lo.y[N] lo.z[N] hi.x[N] hi.y[N] hi.z[N] child[N];
 //     child >= 0: node; < 0: tile ~child; an empty slot is a far degenerate box (lo = hi = 1e38).
-//   tile: struct Tile below; its texels lie row by row in `heights`, from `offset`.
+//   tile: RbvhTile.
 #include "bounds.h"
 #include "camera_rays.h"
 #include "lanes.h"
@@ -25,15 +25,7 @@
 // A ray that comes so near to the surface on a line, in parts of the step limit (8 texels), and goes away again, hits.
 #define GRAZE (0.05f / 8.0f)
 
-typedef struct Tile {
-  float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
-  uint offset;
-  ushort width, height;
-  float step_limit;  // in height quanta
-  float top;         // the largest height
-  float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
-  uint exact_first, exact_count;  // chunks of primitives that stand for the heights, if any
-} Tile;
+typedef RbvhTile Tile;
 
 // A level, as the first five arguments of every kernel here, and their names in IN_BOUNDS.
 typedef struct Level {

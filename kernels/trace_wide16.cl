@@ -166,13 +166,6 @@ typedef struct Packet {
   uint near_row[3], far_row[3];
 } Packet;
 
-static inline float greatest(float16 v) {
-  const float8 v8 = max(v.lo, v.hi);
-  const float4 v4 = max(v8.lo, v8.hi);
-  const float2 v2 = max(v4.lo, v4.hi);
-  return max(v2.x, v2.y);
-}
-
 #define ALL_LANES 0xffffu
 
 // False where the rays do not agree, or one is nearly parallel to a plane: prepare() knows about that.

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/exact/sah_binned_bvh.h"
 
 namespace rbvh {
 namespace {
@@ -128,6 +129,21 @@ Wide16Nodes flatten_wide16_nodes(const Bvh& bvh) {
     first = next;
   }
   return layout;
+}
+
+Wide16Nodes build_wide16_over(std::span<const Bounds3f> boxes) {
+  const Bvh bvh = build_sah_binned_bvh(boxes, BvhConfig{});
+  Wide16Nodes wide = flatten_wide16_nodes(bvh);
+  const auto relinked = [&](std::uint32_t child) {
+    const std::uint32_t leaf = child & ~EXACT_LEAF_BIT;
+    if (!(child & EXACT_LEAF_BIT) || leaf == 0) return child;
+    return EXACT_LEAF_BIT | bvh.order[bvh.nodes[wide.leaves[leaf - 1]].first];
+  };
+  for (ExactNode& node : wide.nodes)
+    for (std::uint32_t& child : node.children) child = relinked(child);
+  wide.scene.root = relinked(wide.scene.root);
+  wide.leaves.clear();
+  return wide;
 }
 
 Wide16Layout flatten_wide16(const Bvh& bvh, const Scan& scan) {

@@ -2,6 +2,7 @@
 // (kernels/trace_wide16.cl).
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "kernels/exact_layout.h"
@@ -19,6 +20,9 @@ struct Wide16Nodes {
   std::uint32_t stack = 1;  ///< entries that a traversal can need at most
 };
 Wide16Nodes flatten_wide16_nodes(const Bvh& bvh);
+
+/// A hierarchy over boxes: a child that is a leaf is EXACT_LEAF_BIT | the box's number.
+Wide16Nodes build_wide16_over(std::span<const Bounds3f> boxes);
 
 struct Wide16Layout {
   ExactScene scene{};

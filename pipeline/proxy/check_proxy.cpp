@@ -73,8 +73,7 @@ Fault find_tile_fault(const Proxy& proxy) {
 }
 
 Vec3f edge_point(const Proxy& proxy, const QuadEdge& e, std::uint32_t k) {
-  const std::uint32_t side = proxy.tiles[e.patch].side;
-  const TexelPlace place = edge_texel(side, e.edge, e.is_from_lower ? k : side - 1 - k);
+  const TexelPlace place = texel_along(proxy, e, k);
   return surface_point(proxy, e.patch, place.i, place.j);
 }
 
@@ -121,6 +120,23 @@ std::vector<QuadEdge> sorted_edges(const std::vector<Quad>& quads) {
     return a.lower != b.lower ? a.lower < b.lower : a.upper < b.upper;
   });
   return edges;
+}
+
+void for_each_edge(const Proxy& proxy, const EdgeWork& work) {
+  const std::vector<QuadEdge> edges = sorted_edges(proxy.quads);
+  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
+    std::uint32_t steps = UINT32_MAX;
+    for (; end < edges.size() && edges[end].lower == edges[begin].lower &&
+           edges[end].upper == edges[begin].upper;
+         ++end)
+      steps = std::min(steps, proxy.tiles[edges[end].patch].side - 1);
+    work(std::span(edges).subspan(begin, end - begin), steps);
+  }
+}
+
+TexelPlace texel_along(const Proxy& proxy, const QuadEdge& edge, std::uint32_t k) {
+  const std::uint32_t side = proxy.tiles[edge.patch].side;
+  return edge_texel(side, edge.edge, edge.is_from_lower ? k : side - 1 - k);
 }
 
 std::optional<std::string> find_fault(const Proxy& proxy) {

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
+#include <span>
 #include <string>
 
+#include "pipeline/proxy/patch_point.h"
 #include "pipeline/proxy/proxy.h"
 
 namespace rbvh {
@@ -34,5 +37,13 @@ struct QuadEdge {
 /// All edges of all quads, those of the same two vertices side by side, lower patches first. Edges between a
 /// vertex and itself are left out.
 std::vector<QuadEdge> sorted_edges(const std::vector<Quad>& quads);
+
+/// The patches along one edge, and the micro-quads that the coarsest of them has there: the others' are a
+/// multiple.
+using EdgeWork = std::function<void(std::span<const QuadEdge> patches, std::uint32_t steps)>;
+void for_each_edge(const Proxy& proxy, const EdgeWork& work);
+
+/// Texel k of the patch along the edge, counted from the edge's lower vertex.
+TexelPlace texel_along(const Proxy& proxy, const QuadEdge& edge, std::uint32_t k);
 
 }  // namespace rbvh

@@ -181,31 +181,24 @@ void weld_corners(Proxy& proxy) {
 
 // The first patch of an edge gets the mean of all at the texels of the coarsest; the rest is join_edges()'s.
 std::uint64_t weld_edges(Proxy& proxy, double tolerance) {
-  const std::vector<QuadEdge> edges = sorted_edges(proxy.quads);
   std::uint64_t welded = 0;
-  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
-    std::uint32_t steps = UINT32_MAX;
-    for (; end < edges.size() && edges[end].lower == edges[begin].lower &&
-           edges[end].upper == edges[begin].upper;
-         ++end)
-      steps = std::min(steps, proxy.tiles[edges[end].patch].side - 1);
-    if (end - begin == 1) continue;
+  for_each_edge(proxy, [&](std::span<const QuadEdge> patches, std::uint32_t steps) {
+    if (patches.size() == 1) return;
     const auto texel = [&](const QuadEdge& e, std::uint32_t k) -> Vec3f& {
       const PatchTile& tile = proxy.tiles[e.patch];
-      const std::uint32_t at = k * ((tile.side - 1) / steps);
-      const TexelPlace place = edge_texel(tile.side, e.edge, e.is_from_lower ? at : tile.side - 1 - at);
+      const TexelPlace place = texel_along(proxy, e, k * ((tile.side - 1) / steps));
       return proxy.map[texel_index(proxy, tile, place.i, place.j)];
     };
     double worst = 0;
     for (std::uint32_t k = 0; k <= steps; ++k) {
       Vec3d sum{};
-      for (std::size_t e = begin; e < end; ++e) sum = sum + Vec3d(texel(edges[e], k));
-      const Vec3f mean(sum * (1.0 / static_cast<double>(end - begin)));
-      worst = std::max<double>(worst, length(texel(edges[begin], k) - mean));
-      texel(edges[begin], k) = mean;
+      for (const QuadEdge& patch : patches) sum = sum + Vec3d(texel(patch, k));
+      const Vec3f mean(sum * (1.0 / static_cast<double>(patches.size())));
+      worst = std::max<double>(worst, length(texel(patches[0], k) - mean));
+      texel(patches[0], k) = mean;
     }
     welded += worst > tolerance;
-  }
+  });
   return welded;
 }
 
@@ -240,13 +233,29 @@ std::uint64_t clear_bad_texels(VdmMap& map, double midlevel) {
   for (std::size_t i = 0; i < map.values.size(); i += map.channels) {
     bool is_fine = true;
     for (std::uint32_t c = 0; c < map.channels; ++c)
-      is_fine &= std::abs(map.values[i + c]) < kLargestProxyValue;
+      is_fine &= std::abs(map.values[i + c]) <= kLargestProxyValue;
     if (is_fine) continue;
     ++bad;
     std::fill_n(map.values.begin() + static_cast<std::ptrdiff_t>(i), map.channels,
                 static_cast<float>(midlevel));
   }
   return bad;
+}
+
+// The map's values were sane, so what is not comes of their scale.
+void check_displacements(const Proxy& proxy, const std::string& file) {
+  for (std::size_t patch = 0; patch < proxy.quads.size(); ++patch) {
+    const PatchTile& tile = proxy.tiles[patch];
+    for (std::uint32_t j = 0; j < tile.side; ++j)
+      for (std::uint32_t i = 0; i < tile.side; ++i) {
+        const Vec3f& v = proxy.map[texel_index(proxy, tile, i, j)];
+        if (!(std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}) <= kLargestProxyValue))
+          throw Error(
+              ExitCode::kInput, file,
+              "patch " + std::to_string(patch) +
+                  " would be displaced by more than 1e18 units; are --vdm-scale and --vdm-midlevel right?");
+      }
+  }
 }
 
 double quad_area(const Proxy& proxy, const Quad& q) {
@@ -257,9 +266,14 @@ double quad_area(const Proxy& proxy, const Quad& q) {
 }
 
 void check_finite(const UvQuads& mesh, const std::string& file) {
-  for (std::size_t i = 0; i < mesh.positions.size(); ++i)
-    if (!is_finite(mesh.positions[i]))
-      throw Error(ExitCode::kInput, file, "vertex " + std::to_string(i + 1) + " is not finite");
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    const Vec3d& p = mesh.positions[i];
+    const bool is_known = is_finite(p);
+    if (!is_known || !(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= double{kLargestProxyValue}))
+      throw Error(
+          ExitCode::kInput, file,
+          "vertex " + std::to_string(i + 1) + (is_known ? " is too large: beyond 1e18" : " is not finite"));
+  }
   for (std::size_t quad = 0; quad < mesh.uvs.size(); ++quad)
     for (const Uv& uv : mesh.uvs[quad])
       if (!(std::abs(uv.u) < 1e6 && std::abs(uv.v) < 1e6))
@@ -354,6 +368,7 @@ Proxy import_vdm(const PolygonMesh& polygons, const VdmMap& source_map, const Im
           proxy.map[texel_index(proxy, tile, i, j)] = Vec3f(sampler.at(quad, wraps, i * step, j * step));
     }
   });
+  check_displacements(proxy, file);
   Bounds3f box;
   for (const Quad& quad : proxy.quads)
     for (const std::uint32_t vertex : quad) box.add(proxy.positions[vertex]);

@@ -1,17 +1,17 @@
 #include "pipeline/proxy/trace_proxy.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <string>
 
+#include "kernels/scene_layout.h"
 #include "pipeline/base/error.h"
 #include "pipeline/device/radix_sort.h"
-#include "pipeline/device/segmented_reduce.h"
 #include "pipeline/exact/flatten_wide16.h"
-#include "pipeline/exact/sah_binned_bvh.h"
 #include "pipeline/proxy/patch_cache.h"
 
 namespace rbvh {
@@ -19,23 +19,27 @@ namespace {
 
 constexpr std::size_t kBatch = std::size_t{1} << 20;  // rays whose pairs are in memory at once
 constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
+constexpr std::uint32_t kFewPairs = 4096;        // are sorted here rather than by a dozen kernels
 constexpr std::uint32_t kJobRays = 2048;         // of one patch: more are several jobs
 constexpr std::uint32_t kLeastLevel = 2;         // 16 micro-quads cost as much as one
 constexpr std::uint32_t kLeastUnbuiltLevel = 4;  // coarser ones are built as fast as met
-constexpr std::size_t kGpuGroup = 64, kRayGroup = 64;
+constexpr std::size_t kGpuGroup = 64, kRayGroup = 64, kPacketGroup = 16;
+constexpr std::uint32_t kPacket = 16;  // rays, as in kernels/patch_packet.h
+constexpr std::uint32_t kSquare = 4;   // pixels a side, as in trace_proxy.cl
 constexpr std::uint32_t kCpuGroupsPerUnit = 4;
 constexpr std::size_t kLeastScouted = std::size_t{1} << 14;  // fewer rays are faster gathered
 constexpr std::uint32_t kScouts = 16;                        // every so many-th ray is one
 
-std::uint32_t block_count(std::uint32_t level) {
-  return level == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * level) + 32) / 48);
-}
-
-/// Blocks and vertices.
-std::uint32_t slot_blocks(std::uint32_t level) {
+/// Blocks and vertices. `wide`: as a CPU has them (kernels/patch_surface.h).
+std::uint32_t slot_blocks(std::uint32_t level, bool wide) {
+  const bool has_grids = wide && level >= 2;
+  const std::uint32_t boxes = has_grids ? level - 1 : level;
+  const std::uint32_t blocks =
+      boxes == 0 ? 1 : static_cast<std::uint32_t>(((std::uint64_t{4} << 2 * boxes) + 32) / 48);
+  if (has_grids) return blocks + (1u << 2 * (level - 2));
   const std::size_t side = (std::size_t{1} << level) + 1;
-  const std::size_t floats = 3 * side * side + 16;  // kernels write a little more than the last one
-  return block_count(level) +
+  const std::size_t floats = 3 * side * side + 2;  // kernels read a little more than the last one
+  return blocks +
          static_cast<std::uint32_t>((floats * sizeof(float) + sizeof(PatchBlock) - 1) / sizeof(PatchBlock));
 }
 
@@ -113,9 +117,10 @@ struct ProxyTracerState {
 
   // Scratch, for as many rays as the largest batch so far.
   std::size_t scratch_rays = 0;
-  Buffer<PatchProgress> progress;
-  Buffer<std::uint32_t> active[2], pair_keys, pair_rays, pair_places, pair_steps, pair_ranges, counts;
-  Buffer<std::uint32_t> offsets;
+  Buffer<RayProgress> progress;
+  Buffer<std::uint32_t> active, listed;  ///< rays that go on; those that have pairs
+  Buffer<std::uint32_t> pair_keys, pair_rays, pair_places, pair_steps, pair_ranges, counts;
+  Buffer<Ray> camera_rays;
   Buffer<Hit> pair_hits;
   Buffer<std::uint32_t> nearest;  ///< 64 bits a ray, or nothing
 };
@@ -136,13 +141,10 @@ std::size_t queue_items(const Device& device, std::size_t jobs) {
   return std::min(std::size_t{device.info().compute_units} * kCpuGroupsPerUnit, jobs);
 }
 
-void append_nodes(std::vector<ExactNode>& all, const Bvh& bvh, Wide16Nodes& wide) {
+/// The hierarchy goes behind `all`.
+void append_nodes(std::vector<ExactNode>& all, Wide16Nodes& wide) {
   const auto base = static_cast<std::uint32_t>(all.size());
-  const auto relinked = [&](std::uint32_t child) {
-    if (!(child & EXACT_LEAF_BIT)) return child + base;
-    const std::uint32_t leaf = child & ~EXACT_LEAF_BIT;
-    return leaf == 0 ? child : EXACT_LEAF_BIT | bvh.order[bvh.nodes[wide.leaves[leaf - 1]].first];
-  };
+  const auto relinked = [&](std::uint32_t child) { return child & EXACT_LEAF_BIT ? child : child + base; };
   for (ExactNode& node : wide.nodes) {
     for (std::uint32_t& child : node.children) child = relinked(child);
     all.push_back(node);
@@ -221,7 +223,8 @@ void grow_scratch(const Device& device, State& state, std::size_t rays) {
   state.scratch_rays = rays;
   const std::size_t batch = std::min(rays, kBatch), pairs = std::max(batch, kLeastPairs);
   state.progress = {device, rays};
-  for (Buffer<std::uint32_t>& list : state.active) list = {device, batch};
+  state.active = {device, batch};
+  state.listed = {device, batch};
   state.pair_keys = {device, pairs};
   state.pair_rays = {device, pairs};
   state.pair_places = {device, pairs};
@@ -249,33 +252,30 @@ class Cast {
         steps_(steps != nullptr ? *steps : Buffer<std::uint32_t>()),
         pair_steps_(steps != nullptr ? state.pair_steps : Buffer<std::uint32_t>()) {}
 
-  void run(bool keep_hits, bool scouts) {
+  /// `row`: as trace_rays() has it.
+  void run(bool keep_hits, bool scouts, std::uint32_t row) {
+    const auto count = static_cast<std::uint32_t>(count_);
+    range_ = {static_cast<std::uint32_t>(first_), count, 1, row, keep_hits ? 1u : 0u};
     if (scouts && count_ >= kLeastScouted) {
-      start(keep_hits, kScouts);
-      scout(static_cast<std::uint32_t>(count_ / kScouts));
+      RayRange few = range_;
+      few.stride = kScouts;
+      few.row = 0;
+      scout(few, count / kScouts);
     }
-    start(keep_hits, 1);
-    if (state_.instances.empty()) return;
     state_.stats.rays += count_;
-    std::size_t active = count_;
+    std::uint32_t active = count;
     for (int round = 0; active > 0; ++round) {
       ++state_.stats.rounds;
-      active = cast_round(round, static_cast<std::uint32_t>(active));
+      active = cast_round(round, active);
     }
   }
 
  private:
-  void start(bool keep_hits, std::uint32_t stride) {
-    device_.kernel("trace_proxy", "start_rays", state_.options)
-        .run(count_, kRayGroup, hits_, state_.progress, state_.active[0], static_cast<std::uint32_t>(first_),
-             static_cast<std::uint32_t>(count_), stride, keep_hits ? 1u : 0u, steps_);
-  }
-
   /// A few of the rays look which patches come first; those are built before the others come, which then need
   /// not be gathered.
-  void scout(std::uint32_t count) {
+  void scout(const RayRange& range, std::uint32_t count) {
     PhaseWatch watch(device_, state_.stats.timed);
-    const std::uint32_t pairs = cast_top(state_.active[0], count, 1, false);
+    const std::uint32_t pairs = cast_top({}, range, count, 1, false, false)[0];
     state_.stats.top += watch.lap();
     std::vector<std::uint32_t> keys(pairs);
     state_.pair_keys.read(keys);
@@ -297,89 +297,107 @@ class Cast {
         1);
   }
 
-  /// Returns the number of pairs.
-  std::uint32_t cast_top(const Buffer<std::uint32_t>& list, std::uint32_t active, std::uint32_t most,
-                         bool at_once) {
+  /// Without `list` the rays of `range` begin. Returns the numbers of pairs, and of rays that have some.
+  std::array<std::uint32_t, 2> cast_top(const Buffer<std::uint32_t>& list, const RayRange& range,
+                                        std::uint32_t active, std::uint32_t most, bool at_once,
+                                        bool packets) {
     upload_slots(state_);
     state_.counts.fill(0);
-    device_.kernel("trace_proxy", "cast_top", state_.options)
-        .run(active, kRayGroup, state_.nodes, state_.top, state_.device_instances, state_.device_patches,
-             state_.device_parts, state_.device_slots, state_.cache_memory, state_.links, rays_, list, active,
-             any_, at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys,
-             state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.counts, steps_);
-    std::uint32_t pairs = 0;
-    state_.counts.read(std::span(&pairs, 1));
-    return pairs;
+    device_.kernel("trace_proxy", packets ? "cast_top_packets" : "cast_top", state_.options)
+        .run(packets ? (active + kPacket - 1) / kPacket : active, packets ? kPacketGroup : kRayGroup,
+             state_.nodes, state_.top, state_.device_instances, state_.device_patches, state_.device_parts,
+             state_.device_slots, state_.cache_memory, state_.links, rays_, list, range, active, any_,
+             at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys,
+             state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.listed, state_.counts, steps_);
+    std::array<std::uint32_t, 2> counts{};
+    state_.counts.read(counts);
+    return counts;
   }
 
   /// Returns how many rays go on.
   std::uint32_t cast_round(int round, std::uint32_t active) {
-    const Buffer<std::uint32_t>&list = state_.active[round % 2], &next = state_.active[(round + 1) % 2];
     // Most rays hit the first patch that they meet; those that do not soon want all.
     const auto room = static_cast<std::uint32_t>(std::max<std::size_t>(1, state_.pair_keys.size() / active));
     const std::uint32_t most = std::min({state_.config.pairs, 1u << std::min(2 * round, 8), room});
     PhaseWatch watch(device_, state_.stats.timed);
-    const std::uint32_t pairs = cast_top(list, active, most, state_.config.at_once);
+    const bool at_once = state_.config.at_once,
+               packets = round == 0 && state_.config.packets && at_once && any_ == 0 && device_.info().is_cpu;
+    const auto [pairs, listed] = cast_top(round == 0 ? Buffer<std::uint32_t>() : state_.active, range_,
+                                          active, most, at_once, packets);
     state_.stats.top += watch.lap();
     if (pairs == 0) return 0;
     state_.stats.pairs += pairs;
 
-    unsigned key_bits = 1;
-    while (key_bits < 32 && state_.pair_numbers >> key_bits != 0) ++key_bits;
-    radix_sort(device_, state_.pair_keys, state_.pair_places, pairs, key_bits);
-    segment_offsets(device_, state_.pair_keys, pairs, state_.pair_numbers, state_.offsets);
-    const std::vector<std::uint32_t> offsets = state_.offsets.read();
+    std::vector<std::uint32_t> keys(pairs);
+    sort_pairs(keys);
     state_.stats.sort += watch.lap();
 
-    make_jobs(offsets, watch);
+    make_jobs(keys, watch);
     next_count_.fill(0);
     device_.kernel("trace_proxy", "take_hits", state_.options)
-        .run(active, kRayGroup, list, active, any_, state_.pair_ranges, state_.pair_hits, state_.nearest,
-             state_.progress, hits_, next, next_count_);
+        .run(listed, kRayGroup, state_.listed, listed, any_, state_.pair_ranges, state_.pair_hits,
+             state_.nearest, state_.progress, hits_, state_.active, next_count_);
     if (pair_steps_.size() > 0)
       device_.kernel("trace_proxy", "add_steps", state_.options)
-          .run(active, kRayGroup, list, active, state_.pair_ranges, pair_steps_, steps_);
+          .run(listed, kRayGroup, state_.listed, listed, state_.pair_ranges, pair_steps_, steps_);
     std::uint32_t going_on = 0;
     next_count_.read(std::span(&going_on, 1));
     state_.stats.cast += watch.lap();
     return going_on;
   }
 
-  /// Builds what is missing and casts, as many patches at a time as the cache holds.
-  void make_jobs(const std::vector<std::uint32_t>& offsets, PhaseWatch& watch) {
+  /// `keys` get the pairs' keys in ascending order.
+  void sort_pairs(std::vector<std::uint32_t>& keys) {
+    const auto pairs = static_cast<std::uint32_t>(keys.size());
+    if (pairs > kFewPairs) {
+      unsigned key_bits = 1;
+      while (key_bits < 32 && state_.pair_numbers >> key_bits != 0) ++key_bits;
+      radix_sort(device_, state_.pair_keys, state_.pair_places, pairs, key_bits);
+      state_.pair_keys.read(keys);
+      return;
+    }
+    state_.pair_keys.read(keys);
+    std::vector<std::uint32_t> places(pairs);
+    for (std::uint32_t i = 0; i < pairs; ++i) places[i] = i;
+    std::sort(places.begin(), places.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return keys[a] != keys[b] ? keys[a] < keys[b] : a < b;
+    });
+    std::sort(keys.begin(), keys.end());
+    state_.pair_places.write(places);
+  }
+
+  /// Builds what is missing and casts, as many patches at a time as the cache holds. `keys` are sorted.
+  void make_jobs(std::span<const std::uint32_t> keys, PhaseWatch& watch) {
     needed_.assign(state_.patches.size(), 0);
-    std::uint32_t first = 0;
-    for (std::uint32_t instance = 0; instance < state_.instances.size(); ++instance) {
-      const PatchInstance& placed = state_.instances[instance];
-      const std::uint32_t end = instance + 1 < state_.instances.size()
-                                    ? state_.instances[instance + 1].first_pair
-                                    : state_.pair_numbers;
-      for (std::uint32_t pair = first; pair < end; ++pair) {
-        if (offsets[pair] == offsets[pair + 1]) continue;
-        const std::uint32_t patch = placed.first_patch + (pair - first);
-        const std::uint32_t rays = offsets[pair + 1] - offsets[pair];
-        bool built = !does_without(patch, rays);
-        if (built && !provide(patch)) {
-          flush(watch);
-          built = provide(patch);
-          if (!built && !can_do_without(patch))
-            throw Error(ExitCode::kBudget, {},
-                        "a patch of " + std::to_string(1u << state_.wanted[patch].level) +
-                            " micro-quads a side needs " +
-                            std::to_string(std::size_t{slot_blocks(state_.wanted[patch].level)} *
-                                           sizeof(PatchBlock)) +
-                            " bytes, more than the patch cache has; make that larger");
-        }
-        if (!built) state_.stats.unbuilt_rays += rays;
-        const PatchSlot slot =
-            built ? state_.slots[patch] : PatchSlot{PATCH_NOT_BUILT, state_.wanted[patch].level};
-        for (std::uint32_t begin = offsets[pair]; begin < offsets[pair + 1]; begin += kJobRays)
-          jobs_.push_back({begin, std::min(begin + kJobRays, offsets[pair + 1]), instance, patch, slot,
-                           packed(state_.wanted[patch].edges), 0});
+    const auto count = static_cast<std::uint32_t>(keys.size());
+    for (std::uint32_t first = 0, end = 0; first < count; first = end) {
+      while (end < count && keys[end] == keys[first]) ++end;
+      const PatchInstance& placed = instance_of(keys[first]);
+      const auto instance = static_cast<std::uint32_t>(&placed - state_.instances.data());
+      const std::uint32_t patch = placed.first_patch + (keys[first] - placed.first_pair);
+      bool built = !does_without(patch, end - first);
+      if (built && !provide(patch)) {
+        flush(watch);
+        built = provide(patch);
+        if (!built && !can_do_without(patch))
+          throw Error(ExitCode::kBudget, {},
+                      "a patch of " + std::to_string(1u << state_.wanted[patch].level) +
+                          " micro-quads a side needs " +
+                          std::to_string(std::size_t{blocks_of(patch)} * sizeof(PatchBlock)) +
+                          " bytes, more than the patch cache has; make that larger");
       }
-      first = end;
+      if (!built) state_.stats.unbuilt_rays += end - first;
+      const PatchSlot slot =
+          built ? state_.slots[patch] : PatchSlot{PATCH_NOT_BUILT, state_.wanted[patch].level};
+      for (std::uint32_t begin = first; begin < end; begin += kJobRays)
+        jobs_.push_back({begin, std::min(begin + kJobRays, end), instance, patch, slot,
+                         packed(state_.wanted[patch].edges), 0});
     }
     flush(watch);
+  }
+
+  std::uint32_t blocks_of(std::uint32_t patch) const {
+    return slot_blocks(state_.wanted[patch].level, device_.info().is_cpu);
   }
 
   bool can_do_without(std::uint32_t patch) const {
@@ -400,7 +418,7 @@ class Cast {
     if (slot.at == PATCH_NOT_BUILT) {
       const PatchLevel& level = state_.wanted[patch];
       evicted_.clear();
-      const std::uint32_t blocks = slot_blocks(level.level);
+      const std::uint32_t blocks = blocks_of(patch);
       const std::uint32_t at = state_.cache.allocate(
           patch, blocks,
           [&](const PatchCache::Entry& e) { return needed_[e.patch] && state_.slots[e.patch].at == e.at; },
@@ -456,6 +474,7 @@ class Cast {
   const Buffer<Hit>& hits_;
   std::size_t first_, count_;
   std::uint32_t any_;
+  RayRange range_{};
   Buffer<std::uint32_t> steps_, pair_steps_;
   Buffer<std::uint32_t> queue_{device_, 1}, next_count_{device_, 1};
   std::vector<std::uint8_t> needed_;  ///< patches of the jobs that wait
@@ -464,19 +483,33 @@ class Cast {
   std::vector<PatchCache::Entry> evicted_;
 };
 
+void miss_all(Buffer<Hit> hits, std::size_t count, const Buffer<std::uint32_t>* steps) {
+  Hit none{};
+  none.t = std::numeric_limits<float>::infinity();
+  none.leaf = RBVH_NO_LEAF;
+  hits.write(std::vector<Hit>(count, none));
+  if (steps != nullptr) Buffer<std::uint32_t>(*steps).write(std::vector<std::uint32_t>(count, 0));
+}
+
 void trace(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-           RayQuery query, const Buffer<std::uint32_t>* steps, bool keep_hits) {
+           RayQuery query, const Buffer<std::uint32_t>* steps, bool keep_hits, std::uint32_t row) {
   State& state = *tracer.state;
   const Device& device = tracer.device;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
   if (count == 0) return;
+  if (state.instances.empty()) {
+    if (!keep_hits) miss_all(hits, count, steps);
+    return;
+  }
   if (!state.config.keep) clear_cache(tracer);
   grow_scratch(device, state, count);
-  const bool scouts = state.config.at_once && state.expects_misses && !state.instances.empty();
+  const bool scouts = state.config.at_once && state.expects_misses;
   const std::uint64_t pairs_before = state.stats.pairs;
-  for (std::size_t first = 0; first < count; first += kBatch)
-    Cast(device, state, rays, hits, first, std::min(kBatch, count - first), query, steps)
-        .run(keep_hits, scouts);
+  if (row >= kBatch / kSquare) row = 0;
+  const std::size_t rows = std::size_t{kSquare} * row, batch = row > 0 ? kBatch / rows * rows : kBatch;
+  for (std::size_t first = 0; first < count; first += batch)
+    Cast(device, state, rays, hits, first, std::min(batch, count - first), query, steps)
+        .run(keep_hits, scouts, row);
   state.expects_misses = (state.stats.pairs - pairs_before) * kScouts > count;
 }
 
@@ -517,9 +550,8 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
       const Patch& p = state.patches[part.first_patch + i];
       boxes[i] = {{p.lo[0], p.lo[1], p.lo[2]}, {p.hi[0], p.hi[1], p.hi[2]}};
     }
-    const Bvh bvh = build_sah_binned_bvh(boxes, BvhConfig{});
-    Wide16Nodes wide = flatten_wide16_nodes(bvh);
-    append_nodes(middle_nodes, bvh, wide);
+    Wide16Nodes wide = build_wide16_over(boxes);
+    append_nodes(middle_nodes, wide);
     part.scene = wide.scene;
     stack = std::max(stack, wide.stack);
   }
@@ -549,9 +581,8 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
     padded.add(static_cast<Vec3f>(image.hi + Vec3d{pad, pad, pad}));
     boxes.push_back(padded);
   }
-  const Bvh bvh = build_sah_binned_bvh(boxes, BvhConfig{});
-  Wide16Nodes wide = flatten_wide16_nodes(bvh);
-  append_nodes(top_nodes, bvh, wide);
+  Wide16Nodes wide = build_wide16_over(boxes);
+  append_nodes(top_nodes, wide);
   state.top = wide.scene;
   stack = std::max(stack, wide.stack);
   const auto base = static_cast<std::uint32_t>(top_nodes.size());
@@ -574,8 +605,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.cache = PatchCache(static_cast<std::uint32_t>(
       std::min<std::size_t>(config.cache_bytes / sizeof(PatchBlock), 0xfffffff0u)));
   state.cache_memory = {device, state.cache.capacity()};
-  state.counts = {device, 1};
-  state.offsets = {device, std::size_t{state.pair_numbers} + 1};
+  state.counts = {device, 2};
   state.options = group_options(device) + " -DSTACK=" + std::to_string((stack + 63) / 64 * 64) +
                   " -DMOST=" + std::to_string(kMostPairs) + (state.config.atomics ? " -DATOMICS" : "");
   set_detail(tracer);
@@ -640,23 +670,25 @@ std::vector<PatchLevel> levels_in_use(const ProxyTracer& tracer, std::uint32_t p
 }
 
 void trace_rays(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
-  trace(tracer, rays, hits, count, query, steps, false);
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps, std::uint32_t row) {
+  trace(tracer, rays, hits, count, query, steps, false, row);
 }
 
 void trace_rays_further(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
-  trace(tracer, rays, hits, count, query, steps, true);
+                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
+                        std::uint32_t row) {
+  trace(tracer, rays, hits, count, query, steps, true, row);
 }
 
 void trace_camera(const ProxyTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
                   const Buffer<std::uint32_t>* steps) {
   set_detail(tracer, camera);
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
-  const Buffer<Ray> rays(tracer.device, pixels);
+  Buffer<Ray>& rays = tracer.state->camera_rays;
+  if (rays.size() < pixels) rays = {tracer.device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
   tracer.device.kernel("trace_scene", "write_camera_rays").run(squares * 64, kRayGroup, camera, rays);
-  trace_rays(tracer, rays, hits, pixels, RayQuery::kNearest, steps);
+  trace_rays(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 
 ProxyStats& stats(const ProxyTracer& tracer) { return tracer.state->stats; }

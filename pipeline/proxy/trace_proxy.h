@@ -28,7 +28,8 @@ struct ProxyConfig {
   bool keep = true;  ///< hierarchies stay for later casts; false, as in the source: each cast builds its own
   bool at_once =
       true;  ///< a ray meets a patch that is built as soon as it comes to it; false: always gathered
-  bool atomics = true;         ///< nearest hits by 64-bit atomic minimum, where the device has it
+  bool packets = true;  ///< rays that follow each other and stay together are cast 16 at a time, on a CPU
+  bool atomics = true;  ///< nearest hits by 64-bit atomic minimum, where the device has it
   std::uint32_t few_rays = 4;  ///< so many rays meet a patch before it is built for them; 0: all are built
   std::uint32_t pairs =
       8;  ///< patches that a ray has built for it in a round, one in the first; at most kMostPairs
@@ -89,12 +90,15 @@ std::vector<PatchLevel> levels_in_use(const ProxyTracer& tracer, std::uint32_t p
 /// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]. Hit.u and v are s and t in the
 /// patch; leaf is the patch. `steps`, where given, gets nodes and micro-quads visited per ray. A patch that
 /// the cache cannot hold is met unbuilt, which takes long; Error(kBudget) where the cache is too small even
-/// for the smallest.
+/// for the smallest. `row`: the rays are an image's, so many pixels wide, row by row; 0: any. Speed alone
+/// depends on it.
 void trace_rays(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr,
+                std::uint32_t row = 0);
 /// The same, starting from hits of other objects and their steps.
 void trace_rays_further(const ProxyTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
+                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr,
+                        std::uint32_t row = 0);
 
 /// Primary rays of a camera: hits row by row, at that camera's detail.
 void trace_camera(const ProxyTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,

@@ -12,7 +12,7 @@ namespace {
 
 /// Texels of a whole scan at Q0, whatever levels are built: each is the same alone and among others. Slopes
 /// that so few of them in one patch could not show are noise.
-constexpr double kFinestTexels = 2e6, kPatchTexels = 4;
+constexpr double kFinestTexels = 2e6, kPatchTexels = 2;
 /// Primitives in a row that are looked through for patches.
 constexpr std::uint32_t kWindow = 64;
 

@@ -101,7 +101,8 @@ RasterTile make_raster_tile(const PartitionNode& node, const TileAxes& axes, con
   // All tiles have the paper's density, whatever part of their rectangle is covered; a sliver of a rectangle
   // must not become a single row of endless texels.
   const double area = node.sums.area, resolution = tile_resolution(node, config.rho);
-  double texel = std::sqrt(config.fill / config.rho) * (area > 0 ? covered_area(node) / area : 1.0);
+  double texel =
+      std::sqrt(config.fill / config.rho) * (area > 0 ? std::min(1.0, covered_area(node) / area) : 1.0);
   texel = std::max(texel, longest / (16 * resolution + 4));
   texel = std::max(texel, longest / (kMaxSide - 16));
   texel = std::max(texel, longest * 1e-6);

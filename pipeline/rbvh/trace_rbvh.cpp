@@ -1,7 +1,6 @@
 #include "pipeline/rbvh/trace_rbvh.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -14,18 +13,6 @@ namespace rbvh {
 namespace {
 
 constexpr std::uint32_t kStack = 192;  ///< entries of the kernels' traversal stacks
-
-/// A tile as kernels/trace_rbvh.cl reads it.
-struct DeviceTile {
-  float columns[12];  ///< of to_tile
-  std::uint32_t offset;
-  std::uint16_t width, height;
-  float step_limit;
-  float top;  ///< the tile's largest height
-  float lo[3], hi[3];
-  std::uint32_t exact_first, exact_count;
-};
-static_assert(sizeof(DeviceTile) == 96);
 
 std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
 
@@ -71,7 +58,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   tracer.nodes16 = Buffer<std::uint32_t>(device, sixteen.words);
 
   // Tile by tile, so that a march stays within a few cache lines.
-  std::vector<std::uint32_t> leaves;
+  std::vector<RbvhTile> leaves;
   std::vector<std::uint16_t> heights;
   const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
   std::vector<const RbvhNode*> boxes(level.leaves.size());
@@ -81,7 +68,7 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   auto exact = level.exact_leaves.begin();
   for (const RbvhLeaf& leaf : level.leaves) {
     const RbvhNode& box = *boxes[static_cast<std::size_t>(&leaf - level.leaves.data())];
-    DeviceTile tile{};
+    RbvhTile& tile = leaves.emplace_back();
     for (int row = 0; row < 3; ++row)
       for (int column = 0; column < 4; ++column)
         tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
@@ -103,11 +90,9 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
                     level.exact_discs, chunks);
       tile.exact_count = static_cast<std::uint32_t>(chunks.size()) - tile.exact_first;
     }
-    const auto words = std::bit_cast<std::array<std::uint32_t, 24>>(tile);
-    leaves.insert(leaves.end(), words.begin(), words.end());
   }
   heights.push_back(0);  // the kernels may read one texel past the last
-  tracer.leaves = Buffer<std::uint32_t>(device, leaves);
+  tracer.leaves = Buffer<RbvhTile>(device, leaves);
   tracer.heights = Buffer<std::uint16_t>(device, heights);
   tracer.exact = chunks.empty() ? Buffer<RbvhChunk>(device, 1) : Buffer<RbvhChunk>(device, chunks);
   return tracer;

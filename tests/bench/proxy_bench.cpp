@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <ctime>
 #include <functional>
 #include <numbers>
 #include <optional>
@@ -29,6 +30,7 @@ struct Options {
   int repetitions = 3, bounces = 5;
   std::size_t cache_mb = 512, twin_mb = 3000;
   bool sweep = true;
+  std::vector<std::uint32_t> sweep_sizes = {64, 104, 144, 200, 288, 408, 576, 816, 1152, 1632};
   std::uint32_t few_rays = ProxyConfig{}.few_rays;
 };
 
@@ -122,12 +124,19 @@ BenchScene make_scene(const std::string& name) {
   return scene;
 }
 
+bool counts_processor_time = false;  ///< of all threads, in place of elapsed time
+
+double now() {
+  if (counts_processor_time) return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
 double seconds_of(const Device& device, const std::function<void()>& work) {
   device.finish();
-  const auto start = std::chrono::steady_clock::now();
+  const double start = now();
   work();
   device.finish();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return now() - start;
 }
 
 double median(std::vector<double> values) {
@@ -146,7 +155,9 @@ struct Row {
   std::vector<Ray> set;
   std::size_t hits = 0;
   double cold = 0, warm = 0, kept = 0, twin = 0, cold_ratio = 0, warm_ratio = 0;
-  ProxyStats phases;  ///< of a cold cast
+  ProxyStats phases;                   ///< of a cold cast
+  ProxyStats kept_phases;              ///< of one after the casts before
+  double visits = 0, twin_visits = 0;  ///< nodes, blocks, micro-quads a ray
   double ns(double milliseconds) const {
     return milliseconds * 1e6 / static_cast<double>(std::max<std::size_t>(1, set.size()));
   }
@@ -223,6 +234,24 @@ std::vector<Row> measure_rows(const ProxyTracer& tracer, const std::optional<Exa
     }
   }
   for (std::size_t r = 0; r < rows.size(); ++r) rows[r].kept = median(kept[r]);
+  clear_cache(tracer);
+  for (Row& row : rows) {
+    const Buffer<Ray> rays(tracer.device, row.set);
+    const Buffer<Hit> found(tracer.device, row.set.size());
+    stats(tracer) = {};
+    stats(tracer).timed = true;
+    trace_rays(tracer, rays, found, row.set.size(), row.query);
+    row.kept_phases = stats(tracer);
+    const Buffer<std::uint32_t> steps(tracer.device, row.set.size());
+    trace_rays(tracer, rays, found, row.set.size(), row.query, &steps);
+    for (const std::uint32_t visited : steps.read()) row.visits += visited;
+    row.visits /= static_cast<double>(row.set.size());
+    if (twin) {
+      const ExactVisits visits = mean_visits(*twin, rays, row.set.size(), row.query);
+      row.twin_visits = visits.nodes + visits.primitives;
+    }
+  }
+  stats(tracer) = {};
   return rows;
 }
 
@@ -236,6 +265,18 @@ void print_rows(const std::vector<Row>& rows) {
                 r.rays.c_str(), r.set.size(), r.phases.top * 1e3, r.phases.sort * 1e3, r.phases.build * 1e3,
                 r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.twin, r.cold_ratio,
                 r.warm_ratio);
+  std::printf(
+      "\n| After the casts before | top, middle [ms] | sort | build | patches | rounds | pairs | built | "
+      "evicted | visits a ray | of the twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | "
+      "--- |\n");
+  for (const Row& r : rows) {
+    const ProxyStats& s = r.kept_phases;
+    std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %llu | %llu | %llu | %llu | %.1f | %.1f |\n",
+                r.rays.c_str(), s.top * 1e3, s.sort * 1e3, s.build * 1e3, s.cast * 1e3,
+                static_cast<unsigned long long>(s.rounds), static_cast<unsigned long long>(s.pairs),
+                static_cast<unsigned long long>(s.built), static_cast<unsigned long long>(s.evicted),
+                r.visits, r.twin_visits);
+  }
   std::fflush(stdout);
 }
 
@@ -313,9 +354,10 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       "\n## By rays a patch: %zu patches, %.1f M triangles tessellated\n\n"
       "| image | patches reached | rays a patch | top, sort, build, patches [ms] | direct, cold [ms] | "
       "direct, cached [ms] | twin [ms] | cold / twin | "
-      "cached / twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+      "cached / twin | twin's camera packets [ms] | cached camera / those |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       proxy.quads.size(), static_cast<double>(mesh.triangles.size()) * 1e-6);
-  for (const std::uint32_t resolution : {64u, 104u, 144u, 200u, 288u, 408u, 576u, 816u, 1152u, 1632u}) {
+  for (const std::uint32_t resolution : options.sweep_sizes) {
     const CameraRays camera = make_camera(box_of(proxy), resolution);
     set_detail(tracer, camera);
     const std::vector<Ray> rays = primary_rays(camera);
@@ -325,8 +367,13 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       return 1e3 *
              seconds_of(device, [&] { trace_rays(with, ray_buffer, hits, rays.size(), RayQuery::kNearest); });
     };
-    std::vector<double> cold, cached, exact, cold_ratios, cached_ratios;
+    const Buffer<Hit> seen(device, rays.size());
+    const auto time_camera = [&](const auto& with) {
+      return 1e3 * seconds_of(device, [&] { trace_camera(with, camera, seen); });
+    };
+    std::vector<double> cold, cached, exact, cold_ratios, cached_ratios, packets, packet_ratios;
     time(twin);
+    time_camera(twin);
     for (int i = 0; i < 2 * options.repetitions + 1; ++i) {  // in turn: what slows one down slows all
       clear_cache(tracer);
       cold.push_back(time(tracer));
@@ -334,6 +381,8 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       exact.push_back(time(twin));
       cold_ratios.push_back(cold.back() / exact.back());
       cached_ratios.push_back(cached.back() / exact.back());
+      packets.push_back(time_camera(twin));
+      packet_ratios.push_back(time_camera(tracer) / packets.back());
     }
     clear_cache(tracer);
     stats(tracer) = {};
@@ -349,10 +398,11 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
       ++found;
     }
     const auto patches = std::max<std::ptrdiff_t>(1, std::count(reached.begin(), reached.end(), 1));
-    std::printf("| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
-                resolution, patches, static_cast<double>(found) / static_cast<double>(patches),
-                phases.top * 1e3, phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold),
-                median(cached), median(exact), median(cold_ratios), median(cached_ratios));
+    std::printf(
+        "| %u | %td | %.1f | %.1f, %.1f, %.1f, %.1f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
+        resolution, patches, static_cast<double>(found) / static_cast<double>(patches), phases.top * 1e3,
+        phases.sort * 1e3, phases.build * 1e3, phases.cast * 1e3, median(cold), median(cached), median(exact),
+        median(cold_ratios), median(cached_ratios), median(packets), median(packet_ratios));
     std::fflush(stdout);
   }
 }
@@ -369,6 +419,11 @@ int run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--few-rays", options.few_rays, "rays that meet a patch before it is built for them")
       ->capture_default_str();
+  app.add_flag("--processor-time", counts_processor_time,
+               "count processor time in place of elapsed time, but for phases: on machines with other work");
+  app.add_option("--sweep-sizes", options.sweep_sizes,
+                 "pixels each way of the table by rays a patch, multiples of 8")
+      ->delimiter(',');
   app.add_flag("!--no-sweep", options.sweep, "leave out the table by rays a patch");
   CLI11_PARSE(app, argc, argv);
   if (options.scenes.empty()) options.scenes = {"pumpkin", "bark", "barks", "party"};

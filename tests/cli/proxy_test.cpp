@@ -197,6 +197,9 @@ TEST_F(ProxyStage, OddAssetsAreCounted) {
   write_map("nan.exr", {0, nan, 0});
   EXPECT_EQ(report("quads.obj -o p.obj --vdm nan.exr")["counts"]["bad_texels"], 64);
   EXPECT_EQ(box("p.obj").hi, (Vec3f{2, 1, 0}));
+  write_map("huge.exr", {0, 3e38f, 0});
+  const ToolRun huge = tool("proxy quads.obj -o p.obj -f --vdm huge.exr");
+  EXPECT_NE(huge.err.find("64 texels are not finite, or too large"), std::string::npos) << huge.err;
   write_map("long.exr", {0, 0, 100});
   EXPECT_EQ(report("quads.obj -o p.obj --vdm long.exr")["counts"]["long_patches"], 2);
   write_map("v.exr", {0, 0, 1});
@@ -237,6 +240,8 @@ TEST_F(ProxyStage, WhatCannotBeImported) {
   bad[18] = '\7';
   write("bad.png", bad);
   expect_error(3, "quads.obj -o p.obj --vdm bad.png", "bad.png");
+  write("cut.png", read("v.png").substr(0, 60));
+  expect_error(3, "quads.obj -o p.obj --vdm cut.png", "cut in one of its chunks");
   write_quads("f 1/1 2/2 5/5 4/4\nf 2 3 6 5\n");
   expect_error(3, "quads.obj -o p.obj --vdm v.exr", "face 2 has no texture coordinates");
   write_quads("f 1/1 2/2 5/5 9/4\n");
@@ -247,6 +252,12 @@ TEST_F(ProxyStage, WhatCannotBeImported) {
   expect_error(2, "quads.obj -o p.obj --vdm v.exr --vdm-preset maya", "maya");
   expect_error(2, "quads.obj -o p.obj --vdm v.exr --vdm-scale big", "--vdm-scale");
   expect_error(2, "quads.obj -o p.obj --vdm v.exr --patches 5", "--patches");
+  expect_error(2, "quads.obj -o p.obj --vdm v.exr --vdm-scale 1e39", "--vdm-scale");
+  expect_error(2, "quads.obj -o p.obj --vdm v.exr --vdm-midlevel -1e19", "--vdm-midlevel");
+  write_map("large.exr", {0, 0, 1e10f});
+  expect_error(3, "quads.obj -o p.obj --vdm large.exr --vdm-scale 1e10", "--vdm-scale");
+  expect_error(3, "ball.ply -o p.obj --vdm v.exr", "must be an OBJ of quads");
+  EXPECT_FALSE(exists("p.obj"));
 }
 
 // Where the map has seams, both sides get one edge; an own proxy comes back as it went.

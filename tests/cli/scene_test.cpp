@@ -1,5 +1,8 @@
 // Proxies and scenes through the command line: pictures of every kind, tessellated twins, rays for scripts,
 // and what is refused.
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
 #include "io/npy.h"
 #include "io/proxy_file.h"
 #include "pipeline/proxy/check_proxy.h"
@@ -103,6 +106,49 @@ TEST_F(SceneCommand, RaysForScripts) {
     for (std::size_t column = 0; column < 8; ++column)  // the first instance, where it stands
       EXPECT_EQ(rock.values[8 * i + column], scene.values[8 * i + column]) << i << ' ' << column;
   }
+}
+
+TEST_F(SceneCommand, InfoAndValidateSayWhatIsThere) {
+  build_pair();
+  const ToolRun info = tool("info s.json --json");
+  ASSERT_EQ(info.code, 0) << info.err;
+  const nlohmann::json json = nlohmann::json::parse(info.out);
+  EXPECT_EQ(json["kind"], "scene");
+  EXPECT_EQ(json["instances"], 4);
+  ASSERT_EQ(json["objects"].size(), 3u);  // in the order of their names
+  EXPECT_EQ(json["objects"][0]["kind"], "mesh");
+  EXPECT_EQ(json["objects"][1]["level"], "Q3");
+  EXPECT_EQ(json["objects"][2]["kind"], "proxy");
+  EXPECT_EQ(json["objects"][2]["instances"], 2);
+  EXPECT_EQ(json["objects"][2]["leaves"], 24);
+  EXPECT_EQ(json["objects"][0]["bytes"], std::filesystem::file_size(path("ball.ply")));
+  std::uint64_t bytes = std::filesystem::file_size(path("s.json")), leaves = 0;
+  for (const auto& object : json["objects"]) {
+    bytes += object["bytes"].get<std::uint64_t>();
+    leaves += object["leaves"].get<std::uint64_t>() * object["instances"].get<std::uint64_t>();
+  }
+  EXPECT_EQ(json["bytes"], bytes);
+  EXPECT_EQ(json["leaves"], leaves);
+  EXPECT_NE(tool("info s.json").out.find("4 instances"), std::string::npos);
+  const ToolRun valid = tool("validate s.json");
+  EXPECT_EQ(valid.code, 0) << valid.err;
+  EXPECT_NE(valid.out.find("s.json: whole (3 objects, 4 instances"), std::string::npos) << valid.out;
+  expect_refused("validate s.json --against ball.ply", 2, "this is a scene");
+  std::filesystem::remove(path("ball.atlas.tif"));
+  expect_refused("validate s.json", 3, "ball");
+  expect_refused("info s.json", 3, "ball");
+}
+
+TEST_F(SceneCommand, MemoryCountsWhatIsCast) {
+  std::vector<float> rays = {0, 0, 5, 0, 0, -1};
+  write_npy(path("rays.npy"), rays, 6, true);
+  build_pair();
+  expect_refused("render s.json -o a.png --memory 100M --resolution 16,16", 5, "--memory");
+  expect_refused("trace rock.obj --rays rays.npy -o h.npy --memory 100M", 5, "--memory");
+  EXPECT_EQ(tool("trace rock.obj --rays rays.npy -o h.npy -q --memory 100M --patch-cache 10M").code, 0);
+  write("large.ply", ball_ply(200));
+  expect_refused("trace large.ply --rays rays.npy -o g.npy --memory 10M", 5, "--memory");
+  EXPECT_FALSE(exists("g.npy"));
 }
 
 TEST_F(SceneCommand, WhatIsWrongIsOneLine) {

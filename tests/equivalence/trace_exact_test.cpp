@@ -15,9 +15,8 @@
 #include <optional>
 
 #include "pipeline/render/camera.h"
-#include "tests/exact_scenes.h"
 #include "tests/oracle.h"
-#include "tests/property.h"
+#include "tests/trace_test.h"
 
 namespace rbvh {
 namespace {
@@ -87,14 +86,6 @@ std::vector<Method> all_methods(const Device& device, const Scan& scan) {
     }
   }
   return methods;
-}
-
-std::vector<Hit> cast(const ExactTracer& tracer, const std::vector<Ray>& rays, RayQuery query) {
-  const Buffer<Ray> ray_buffer(tracer.device, rays);
-  Buffer<Hit> hits(tracer.device, rays.size());
-  hits.fill(0xcd);
-  trace_rays(tracer, ray_buffer, hits, rays.size(), query);
-  return hits.read();
 }
 
 /// t, place and flags to the last bit; normals are computed afterwards, to within rounding.
@@ -206,15 +197,9 @@ std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::v
   return beyond_doubt;
 }
 
-class TraceExact : public testing::Test {
+class TraceExact : public TraceTest {
  protected:
   Device device = Device::open();
-  Random random{property_seed()};
-
-  static void SetUpTestSuite() {
-    set_build_log_sink(
-        [](std::string_view file, std::string_view log) { ADD_FAILURE() << file << ": " << log; });
-  }
 
   ~TraceExact() override {
     if (ties.rays > 0) {

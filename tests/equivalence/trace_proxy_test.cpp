@@ -12,28 +12,11 @@
 #include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/tessellate.h"
 #include "pipeline/render/camera.h"
-#include "tests/exact_scenes.h"
-#include "tests/property.h"
 #include "tests/proxy_shapes.h"
+#include "tests/trace_test.h"
 
 namespace rbvh {
 namespace {
-
-template <class Tracer>
-std::vector<Hit> cast(const Tracer& tracer, const std::vector<Ray>& rays, RayQuery query = RayQuery::kNearest,
-                      std::vector<std::uint32_t>* steps = nullptr) {
-  const Buffer<Ray> ray_buffer(tracer.device, rays);
-  Buffer<Hit> hits(tracer.device, rays.size());
-  hits.fill(0xcd);
-  const Buffer<std::uint32_t> step_buffer(tracer.device, rays.size());
-  trace_rays(tracer, ray_buffer, hits, rays.size(), query, steps != nullptr ? &step_buffer : nullptr);
-  if (steps != nullptr) *steps = step_buffer.read();
-  return hits.read();
-}
-
-bool is_hit(const Hit& hit) { return hit.leaf != RBVH_NO_LEAF; }
-
-Vec3f normal_of(const Hit& hit) { return {hit.normal[0], hit.normal[1], hit.normal[2]}; }
 
 /// A tessellated proxy and where its triangles come from.
 struct Twin {
@@ -61,15 +44,9 @@ std::vector<std::uint32_t> random_levels(Random& random, std::size_t count, std:
   return levels;
 }
 
-class TraceProxy : public testing::Test {
+class TraceProxy : public TraceTest {
  protected:
   Device device = Device::open();
-  Random random{property_seed()};
-
-  static void SetUpTestSuite() {
-    set_build_log_sink(
-        [](std::string_view file, std::string_view log) { ADD_FAILURE() << file << ": " << log; });
-  }
 
   /// The same t to the last bit, the same patch unless two meet there, the same normal and side.
   void expect_same(const Twin& twin, const std::vector<Ray>& rays, const std::vector<Hit>& hits,
@@ -215,7 +192,7 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   const ProxyTracer usual = make_proxy_tracer(device, proxy);
   const Twin twin = make_twin(device, proxy, levels_in_use(usual));
   const std::vector<Ray> rays = random_rays(random, twin.mesh, 3000);
-  ProxyConfig gathered, in_order, one_pair, many_pairs, small_cache, nothing_kept, unbuilt;
+  ProxyConfig gathered, in_order, one_pair, many_pairs, small_cache, nothing_kept, unbuilt, alone;
   gathered.at_once = false;
   in_order.at_once = in_order.atomics = false;
   one_pair.pairs = 1;
@@ -225,6 +202,7 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   nothing_kept.keep = false;
   unbuilt.few_rays = 1000000;
   unbuilt.keep = unbuilt.at_once = false;
+  alone.packets = false;
   const auto check = [&](const Device& on, const ProxyConfig& config, const char* name) {
     SCOPED_TRACE(name);
     const ProxyTracer tracer = make_proxy_tracer(on, proxy, config);
@@ -237,6 +215,7 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
     EXPECT_LE(bytes(tracer).cached, config.cache_bytes);
   };
   check(device, {}, "usual");
+  check(device, alone, "no packets");
   check(device, gathered, "gathered");
   check(device, in_order, "in order");
   check(device, one_pair, "one pair a round");
@@ -248,6 +227,40 @@ TEST_F(TraceProxy, NothingDependsOnHowItIsTraced) {
   check(device.as_gpu(), in_order, "a GPU's code, in order");
   check(device.as_gpu(), gathered, "a GPU's code, gathered");
   check(device.as_gpu(), {}, "a GPU's code");
+}
+
+// Neighbours that stay together are cast 16 at a time; so are those that nearly do, or hit nothing, or end
+// early.
+TEST_F(TraceProxy, RaysThatStayTogetherFindWhatEachFindsAlone) {
+  const std::vector<std::uint32_t> mixed = random_levels(random, quad_sphere(3).quads.size(), 6);
+  for (const std::vector<std::uint32_t>& levels : {std::vector<std::uint32_t>{5}, {4}, mixed}) {
+    const Proxy proxy = mushroom_ball(3, levels);
+    const ProxyTracer tracer = make_proxy_tracer(device, proxy);
+    const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
+    std::vector<Ray> rays;
+    for (int beam = 0; beam < 400; ++beam) {
+      const bool is_axial = beam % 5 == 0;
+      const Vec3f along = is_axial ? Vec3f{beam % 2 ? -1.0f : 1.0f, 0, 0} : uniform_direction(random);
+      const Vec3f from = along * (beam % 3 == 0 ? -0.2f : -2.5f) + uniform_point(random, 0.3f);
+      const float spread = beam % 4 == 0 ? 0.3f : 0.01f, apart = beam % 7 == 0 ? 0.01f : 0.0f;
+      for (int i = 0; i < (beam % 11 == 0 ? 13 : 16); ++i) {
+        Ray ray = make_ray(from + uniform_point(random, apart), along + uniform_point(random, spread));
+        if (beam % 6 == 0) ray.tmin = uniform(random, -1, 1);
+        if (beam % 6 == 1) ray.tmax = uniform(random, 0, 3);
+        if (beam % 13 == 0 && i % 5 == 2) ray.direction[1] = kNan;
+        if (is_axial && i % 3 == 0) ray.direction[2] = 0;
+        rays.push_back(ray);
+      }
+    }
+    for (int frame = 0; frame < 2; ++frame) expect_same(twin, rays, cast(tracer, rays));
+    const Buffer<Ray> ray_buffer(device, rays);
+    const Buffer<Hit> hits(device, rays.size());
+    for (const std::uint32_t row : {1u, 2u, 37u, 40u, 6000u, 7000u}) {  // whatever the rows
+      trace_rays(tracer, ray_buffer, hits, rays.size(), RayQuery::kNearest, nullptr, row);
+      expect_same(twin, rays, hits.read());
+    }
+    if (HasFailure()) return;
+  }
 }
 
 TEST_F(TraceProxy, DeepLevelsFollowComputedLinks) {

@@ -473,13 +473,13 @@ TEST(TraceRbvh, IndicesOutOfBoundsAreCaughtWhereTheyAreChecked) {
 
   // Tiles whose texels lie beyond the heights, or that are larger than what is left of these.
   for (const bool moved : {true, false}) {
-    std::vector<std::uint32_t> words = whole.leaves.read();
-    for (std::size_t i = 0; i < words.size(); i += 24) {
-      if (moved) words[i + 12] = 0x7fffff00u;
-      if (!moved) words[i + 13] = 0xffffffffu;  // width, height
+    std::vector<RbvhTile> tiles = whole.leaves.read();
+    for (RbvhTile& tile : tiles) {
+      if (moved) tile.offset = 0x7fffff00u;
+      if (!moved) tile.width = tile.height = 0xffff;
     }
     RbvhTracer tracer = whole;
-    tracer.leaves = Buffer<std::uint32_t>(device, words);
+    tracer.leaves = Buffer<RbvhTile>(device, tiles);
     EXPECT_NE(traced_out_of_bounds(device, tracer, level).find("reads element"), std::string::npos);
   }
 }

@@ -85,6 +85,31 @@ TEST(Partition, SplitsAThinSheetByFacing) {
   EXPECT_LT(partition.nodes[2].sums.area_normal[2], -0.99f);
 }
 
+TEST(Partition, PartsWhatTouchesARim) {
+  // One row of cells around the plate; a closed shape has none, whichever way its triangles turn.
+  Scan plate, octahedron;
+  add_plate(plate, 10, 0);
+  octahedron.positions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  octahedron.triangles = {{0, 2, 4}, {1, 2, 4}, {0, 3, 4}, {3, 1, 4},
+                          {5, 0, 2}, {1, 2, 5}, {3, 0, 5}, {1, 3, 5}};
+  for (const PartitionWhere where : {PartitionWhere::kDevice, PartitionWhere::kHost}) {
+    const Primitives primitives = upload_primitives(Device::open(), plate);
+    Partition partition = make_root(primitives, false, SplitRule::kSpatialMedian, where);
+    EXPECT_EQ(partition.nodes[0].sums.rims, 72);
+    split_once(partition, primitives, {{0, SplitBy::kRim}});
+    check(partition, primitives);
+    ASSERT_EQ(partition.nodes.size(), 3u);
+    EXPECT_EQ(partition.nodes[1].count(), 72u);
+    EXPECT_EQ(partition.nodes[1].sums.rims, 72);
+    EXPECT_EQ(partition.nodes[2].sums.rims, 0);
+    EXPECT_EQ(
+        make_root(upload_primitives(Device::open(), octahedron), false, SplitRule::kSpatialMedian, where)
+            .nodes[0]
+            .sums.rims,
+        0);
+  }
+}
+
 TEST(Partition, ConeOfNormalsIsTheWidest) {
   Scan scan;
   add_sheet(scan, 1, [](float s, float t) { return Vec3f{s, t, 0}; });

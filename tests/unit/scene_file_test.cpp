@@ -127,13 +127,28 @@ TEST(SceneFile, GroupsThatMultiplyAreBounded) {
               R"("}, {"object": ")" + inner + R"("}]})";
   }
   expect_refused(scene(R"([{"object": "g29"}])", groups), "more than a million");
-  std::string chain;
-  for (int i = 0; i < 100; ++i)
-    chain +=
-        R"(, "g)" + std::to_string(i) + R"(": {"group": [{"object": "g)" + std::to_string(i + 1) + R"("}]})";
-  chain += R"(, "g100": {"group": [{"object": "a"}]})";
-  expect_refused(scene(R"([{"object": "a"}])", chain), "groups deep");
   expect_refused(std::string(1000, '['), "deep");
+}
+
+// Groups one in the other.
+std::string chain_of_groups(int groups, bool outermost_first) {
+  std::string chain;
+  const auto name = [&](int i) {
+    return "g" + std::to_string(1000 + (outermost_first ? i : groups - 1 - i));
+  };
+  for (int i = 0; i < groups; ++i) {
+    const std::string inner = i + 1 < groups ? name(i + 1) : "a";
+    chain += ", \"" + name(i) + R"(": {"group": [{"object": ")" + inner + R"("}]})";
+  }
+  return scene("[{\"object\": \"" + name(0) + "\"}]", chain);
+}
+
+TEST(SceneFile, DepthIsWhatItIsWhateverTheNames) {
+  for (const bool outermost_first : {true, false}) {
+    EXPECT_EQ(decode(chain_of_groups(64, outermost_first)).instances.size(), 1u);
+    expect_refused(chain_of_groups(65, outermost_first), "64 groups deep");
+    expect_refused(chain_of_groups(300, outermost_first), "64 groups deep");
+  }
 }
 
 TEST(SceneFile, TheDocumentsExampleIsRead) {
