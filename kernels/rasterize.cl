@@ -78,9 +78,12 @@ static inline float4 to_tile(__global const float* m, float4 p) {
 }
 
 // `distance` in texels; 0: covered.
+static inline uint rank_of(float distance, float reach) {
+  return distance <= 0.0f ? 255u : (uint)(254.0f - distance * (126.5f / reach));
+}
+
 static inline uint make_key(float distance, float reach, float w) {
-  const uint rank = distance <= 0.0f ? 255u : (uint)(254.0f - distance * (126.5f / reach));
-  return (rank << 24) | (uint)clamp(w, 0.0f, RBVH_FINE_MAX);
+  return (rank_of(distance, reach) << 24) | (uint)clamp(w, 0.0f, RBVH_FINE_MAX);
 }
 
 // What a primitive has to say of one texel. distance < 0: nothing.
@@ -127,9 +130,10 @@ static inline TileTriangle make_triangle(float4 a, float4 b, float4 c, float tex
   return t;
 }
 
-static inline float segment_distance(float2 a, float2 b, float2 x) {
-  const float2 ab = b - a;
-  return length(x - a - ab * clamp(dot(x - a, ab) / max(dot(ab, ab), 1e-20f), 0.0f, 1.0f));
+// Square of the distance of x from the segment from a along ab; `scale`: 1 / |ab|.
+static inline float segment_square(float2 a, float2 ab, float scale, float2 x) {
+  const float2 away = x - a - ab * clamp(dot(x - a, ab) * scale * scale, 0.0f, 1.0f);
+  return dot(away, away);
 }
 
 // Does the square of half side `reach` about x touch the triangle (separating axes)? If so, how far is x from it?
@@ -147,8 +151,8 @@ static inline Sample sample_triangle(const TileTriangle* t, float2 x, float reac
   s.distance = 0.0f;
   // Seen edge-on it covers nothing, but must leave a trace: the texels right beside it.
   if (inside < 0.0f || t->flat)
-    s.distance = clamp(min(segment_distance(t->a, t->b, x),
-                           min(segment_distance(t->b, t->c, x), segment_distance(t->c, t->a, x))),
+    s.distance = clamp(sqrt(min(segment_square(t->a, ab, t->scale_ab, x),
+                                min(segment_square(t->b, bc, t->scale_bc, x), segment_square(t->c, ca, t->scale_ca, x)))),
                        t->flat ? 0.5f : 1e-3f, 2.0f * reach);
   s.w = clamp(t->w0 + t->wu * x.x + t->wv * x.y, t->w_lo, t->w_hi);
   return s;
@@ -209,6 +213,7 @@ typedef struct {
   TileTriangle triangle;
   TileDisc disc;
   int x0, x1, y0, y1;
+  float2 lo, hi;  // its extent in the plane
   int is_disc, is_back, flat;
   float steep;  // its area in texels, if it stands too steep on the tile to be shown there
 } TilePrimitive;
@@ -237,6 +242,8 @@ static inline TilePrimitive make_primitive(__global const RasterTile* tile, __gl
     const float4 n = cross((b - a) * unit, (c - a) * unit);
     p.steep = fabs(n.z) < RBVH_STEEP_COSINE * length(n) ? 0.5f * length(n) : 0.0f;
   }
+  p.lo = lo;
+  p.hi = hi;
   p.x0 = max(0, (int)ceil(lo.x - reach));
   p.x1 = min((int)tile->width - 1, (int)floor(hi.x + reach));
   p.y0 = max(0, (int)ceil(lo.y - reach));
@@ -247,6 +254,12 @@ static inline TilePrimitive make_primitive(__global const RasterTile* tile, __gl
 #define FOR_EACH_TEXEL(p)                  \
   for (int y = (p).y0; y <= (p).y1; ++y) \
     for (int x = (p).x0; x <= (p).x1; ++x)
+
+// Might it come as near to the texel as `key` does? What has nothing new to say need not be asked.
+static inline bool may_speak(const TilePrimitive* p, int x, int y, uint key, float reach) {
+  const float2 at = (float2)((float)x, (float)y), away = max(max(p->lo - at, at - p->hi), 0.0f);
+  return rank_of(max(away.x, away.y), reach) >= key >> 24;
+}
 
 static inline Sample sample_primitive(const TilePrimitive* p, int x, int y, float reach) {
   const float2 at = (float2)((float)x, (float)y);
@@ -276,9 +289,10 @@ __kernel void rasterize(__global const Run* runs, uint run_count, __global const
     const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)references[i], is_disc, own_reach);
     steep += p.steep;
     FOR_EACH_TEXEL(p) {
+      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
+      if (!may_speak(&p, x, y, keys[at], reach)) continue;
       const Sample q = sample_primitive(&p, x, y, own_reach);
       if (q.distance < 0.0f) continue;
-      const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       raise(keys + at, make_key(q.distance, reach, q.w));
       if (q.distance != 0.0f) continue;
       raise(lowest + at, (uint)RBVH_FINE_MAX - fine(q.w) + 1u);
@@ -326,7 +340,8 @@ __kernel void rasterize_guests(__global const Run* runs, uint run_count, __globa
     const float here = faces && area_normal[guests[i]].w != 0.0f ? rim_reach : 2.0f * reach;
     FOR_EACH_TEXEL(p) {
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
-      if (keys[at] == 0) continue;
+      if (keys[at] == 0 || !may_speak(&p, x, y, guest_keys[at], reach)) continue;
+      if (keys[at] >> 24 == 255u && !may_speak(&p, x, y, keys[at], reach)) continue;
       const Sample q = sample_primitive(&p, x, y, reach);
       if (q.distance < 0.0f || q.distance > here) continue;
       const float own = (float)(keys[at] & 0xffffffu);
@@ -393,8 +408,9 @@ __kernel void rasterize_signals(__global const Run* runs, uint run_count, __glob
     const uint j = references[i];
     const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)j, is_disc, own_reach);
     FOR_EACH_TEXEL(p) {
-      const Sample q = sample_primitive(&p, x, y, own_reach);
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
+      if (keys[at] == 0 || !may_speak(&p, x, y, keys[at], reach)) continue;
+      const Sample q = sample_primitive(&p, x, y, own_reach);
       if (q.distance < 0.0f || make_key(q.distance, reach, q.w) != keys[at]) continue;
       if (is_disc) {
         raise(texel_normals + at, pack_normal(load3(normals, order[j])));
