@@ -292,11 +292,8 @@ static uint traverse_patch_packet(const PatchTree* tree, __global const Patch* p
         next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }
-    while (next == 0) {
-      if (depth == 0) return visited;
-      --depth;
-      if (stack_t[depth] <= limit) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
+    if (next == 0) return visited;
     current = next;
   }
 }

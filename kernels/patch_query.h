@@ -412,11 +412,8 @@ static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __glo
         next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }
-    while (next == 0) {
-      if (depth == 0) return visited;
-      --depth;
-      if (stack_t[depth] <= found->t) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, found->t);
+    if (next == 0) return visited;
     current = next;
   }
 }

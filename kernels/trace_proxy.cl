@@ -146,11 +146,8 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
       const uint mask = meet_children(node, &q, search_limit(s), &entry);
       if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
-    while (next == 0) {
-      if (depth == 0) return;
-      --depth;
-      if (stack_t[depth] <= search_limit(s)) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, search_limit(s));
+    if (next == 0) return;
     current = next;
   }
 }
@@ -178,11 +175,8 @@ static inline void meet_all(const Scene* scene, const ExactScene* top, const Ray
       const uint mask = meet_children(node, &q, search_limit(s), &entry);
       if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
-    while (next == 0) {
-      if (depth == 0) return;
-      --depth;
-      if (stack_t[depth] <= search_limit(s)) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, search_limit(s));
+    if (next == 0) return;
     current = next;
   }
 }
@@ -362,11 +356,8 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const RayLa
       if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
     const float limit = greatest(vload16(0, limits));
-    while (next == 0) {
-      if (depth == 0) return;
-      --depth;
-      if (stack_t[depth] <= limit) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
+    if (next == 0) return;
     current = next;
   }
 }
@@ -397,11 +388,8 @@ static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, co
       if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
     const float limit = greatest(vload16(0, limits));
-    while (next == 0) {
-      if (depth == 0) return true;
-      --depth;
-      if (stack_t[depth] <= limit) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
+    if (next == 0) return true;
     current = next;
   }
 }

@@ -137,11 +137,8 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
       const uint mask = meet_children(node, q, found->t, &entry);
       if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
-    while (next == 0) {
-      if (depth == 0) return visited;
-      --depth;
-      if (stack_t[depth] <= found->t) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, found->t);
+    if (next == 0) return visited;
     current = next;
   }
 }
@@ -306,11 +303,8 @@ static uint2 traverse_packet(const Tree* tree, const Packet* p, Found16* found) 
       const uint mask = meet_children_packet(node, p, limit, &entry);
       if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
     }
-    while (next == 0) {
-      if (depth == 0) return visited;
-      --depth;
-      if (stack_t[depth] <= limit) next = stack[depth];
-    }
+    if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
+    if (next == 0) return visited;
     current = next;
   }
 }

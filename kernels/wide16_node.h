@@ -56,4 +56,13 @@ static inline uint take_children(__global const uint* children, uint base, uint 
   *depth_inout = depth;
   return next;
 }
+
+// Nearest on the stack, if it begins by `limit`; else 0, which is the root and never on it.
+static inline uint pop_nearer(const uint* stack, const float* stack_t, uint* depth, float limit) {
+  while (*depth != 0) {
+    --*depth;
+    if (stack_t[*depth] <= limit) return stack[*depth];
+  }
+  return 0;
+}
 #endif

@@ -4,15 +4,16 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/device/radix_sort.h"
+#include "pipeline/rbvh/level_config.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/vertex_normals.h"
 
 namespace rbvh {
 namespace {
 
-/// Texels of a whole scan at Q0, whatever levels are built: each is the same alone and among others. Slopes
-/// that so few of them in one patch could not show are noise.
-constexpr double kFinestTexels = 2e6, kPatchTexels = 2;
+/// Texels of Q0, whatever levels are built (each is the same alone and among others): slopes that so few of
+/// them in one patch could not show are noise.
+constexpr double kPatchTexels = 2;
 /// Primitives in a row that are looked through for patches.
 constexpr std::uint32_t kWindow = 64;
 
@@ -100,7 +101,8 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
   }
   device.kernel("primitives", "primitives_smooth_areas")
       .run((count + kWindow - 1) / kWindow, job_group_size(device), p.count, kWindow,
-           static_cast<float>(kPatchTexels * p.area / kFinestTexels), p.area_normal, p.box_lo);
+           static_cast<float>(kPatchTexels * p.area / standard_levels().front().rho), p.area_normal,
+           p.box_lo);
   device.finish();
   return p;
 }

@@ -20,7 +20,7 @@ struct Tile {
   std::size_t first_texel = 0;  ///< in TileTexels
   bool is_exact = false;        ///< keeps its primitives
   bool is_final = false;        ///< else it has no texels yet, and is to be split
-  bool is_faulty = false;       ///< two layers, or a step that is no surface: better split
+  bool is_faulty = false;       ///< two layers, steep area, a step or missed corners: better split
   bool has_back = false;        ///< part of it faces away: better split by facing, along w
   bool is_steep = false;        ///< part of it stands on the tile's plane: likewise
   Vec3f w;                      ///< the tile's outside, unit
@@ -42,9 +42,8 @@ struct RasterConfig {
   float rim_reach = 0.45f;  ///< texels past a rim that is not in tiles that they may reach
   float layer_gap = 2;      ///< two coverings of a texel further apart (texels) are two layers
   float steep_limit = 4;    ///< area (texels) of what stands steep on the tile that is worth a split
-  float miss_limit =
-      0.75f;  ///< corners of triangles further (texels) from the heights around them are worth a split
-  float step_limit = 2;  ///< neighbours further apart in height (texels) than this are worth a split
+  float miss_limit = 0.75f;  ///< corners further (texels) from the heights around them are worth a split
+  float step_limit = 2;      ///< neighbours further apart in height (texels) than this are worth a split
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.
