@@ -480,6 +480,32 @@ __kernel void rasterize_misses(__global const Run* runs, uint run_count, __globa
   if (misses != 0) atomic_add(&faults[runs[r].owner].misses, misses);
 }
 
+// Triangles that reach further than `slack` texels into a cell with an empty corner, where no march finds them: their
+// places among `references`, in no order. `list`[0] counts them; those beyond its `room` are left out.
+__kernel void rasterize_bare(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
+                             __global const uint* references, __global const float* shape, float slack,
+                             __global const uint* keys, uint room, __global uint* list) {
+  const uint r = get_global_id(0);
+  if (r >= run_count) return;
+  const uint end = runs[r].end;
+  __global const RasterTile* tile = tiles + runs[r].owner;
+  for (uint i = runs[r].begin; i < end; ++i) {
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)references[i], 0, 0.0f);
+    const uint x1 = min(tile->width - 2, (uint)p.hi.x), y1 = min(tile->height - 2, (uint)p.hi.y);
+    bool is_bare = false;
+    for (uint y = (uint)max(p.lo.y, 0.0f); y <= y1; ++y)
+      for (uint x = (uint)max(p.lo.x, 0.0f); x <= x1; ++x) {
+        __global const uint* q = keys + tile->offset + y * tile->width + x;
+        if (q[0] != 0 && q[1] != 0 && q[tile->width] != 0 && q[tile->width + 1] != 0) continue;
+        const float2 middle = (float2)((float)x + 0.5f, (float)y + 0.5f);
+        is_bare |= sample_triangle(&p.triangle, middle, 0.5f - slack).distance >= 0.0f;
+      }
+    if (!is_bare) continue;
+    const uint at = atomic_inc(list);
+    if (at < room) list[1 + at] = i;
+  }
+}
+
 __kernel void rasterize_range(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
                               __global TileRange* ranges) {
   const uint k = get_global_id(0);

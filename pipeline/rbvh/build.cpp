@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <set>
 #include <span>
 
 #include "pipeline/base/error.h"
@@ -50,6 +51,10 @@ constexpr std::uint32_t kTexelsPerExact = 11;
 /// Rims are kept as they are where they are less than this part of the scan (else it is a soup of pieces),
 /// and their triangles have this many texels each.
 constexpr float kMostRims = 0.25f, kLeastRimTexels = 0.5f;
+
+/// Triangles kept for want of a tile that shows them are together in a leaf whose rectangle has no more than
+/// this many texels for each.
+constexpr std::uint32_t kMostBareTexels = 64;
 
 /// Where the focus asks for texels so different within one node, it is split.
 constexpr float kMostRhoRange = 4;
@@ -246,6 +251,33 @@ std::vector<std::uint32_t> part_rims(Partition& own, const Primitives& primitive
   return kept;
 }
 
+/// Triangles that their tiles do not show are to be kept beside them, in leaves of their own. A tile that
+/// shows none becomes one.
+std::vector<SplitRequest> part_bare(Partition& own, std::vector<Tile>& tiles, std::size_t first_tile) {
+  std::vector<SplitRequest> requests;
+  std::vector<std::uint32_t> references;
+  for (std::size_t k = first_tile; k < tiles.size(); ++k) {
+    Tile& tile = tiles[k];
+    if (tile.is_exact || tile.bare.empty()) continue;
+    const PartitionNode& node = own.nodes[tile.node];
+    const auto count = static_cast<std::uint32_t>(tile.bare.size());
+    if (count == node.count()) {
+      tile.is_exact = count <= kMostExact;
+      continue;
+    }
+    if (references.empty()) references = own.references.read();
+    std::vector<std::uint32_t> bare, shown;
+    for (std::uint32_t i = node.begin; i < node.end; ++i)
+      (std::binary_search(tile.bare.begin(), tile.bare.end(), i) ? bare : shown).push_back(references[i]);
+    std::sort(bare.begin(), bare.end());
+    std::copy(shown.begin(), shown.end(),
+              std::copy(bare.begin(), bare.end(), references.begin() + node.begin));
+    requests.push_back({.node = tile.node, .by = SplitBy::kFirst, .first = count});
+  }
+  if (!requests.empty()) own.references.write(std::span<const std::uint32_t>(references));
+  return requests;
+}
+
 Level build_level(const Device& device, const Primitives& primitives, const Partition& partition,
                   const LevelRule& rule, PhaseClock& clock, BuildTimings& time) {
   const Hybrid hybrid = rule.config->hybrid;
@@ -263,10 +295,16 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
   const bool rims_apart = keeps_rims(rule, partition.nodes[0]);
   if (rims_apart) leaves = part_rims(own, primitives, leaves);
   const bool is_noisy = primitives.area > kNoisyArea * static_cast<double>(partition.nodes[0].sums.area);
+  std::set<std::uint32_t> bare;  // nodes of triangles that no tile shows
   const auto is_final = [&](Tile& tile) {
     const PartitionNode& node = own.nodes[tile.node];
     if (rims_apart && node.sums.rims > 0) tile.is_faulty = true;
     tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
+    if (bare.contains(tile.node)) {
+      const std::uint32_t texels = std::uint32_t{tile.leaf.width} * tile.leaf.height;
+      return tile.is_exact = node.count() == 1 ||
+                             (node.count() <= kMostExact && texels <= kMostBareTexels * node.count());
+    }
     tile.is_exact = keeps_primitives(hybrid, tile, keeps_discs);
     const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
     return tile.is_exact || node.count() == 1 ||
@@ -280,6 +318,7 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
     std::map<float, std::vector<std::uint32_t>> by_rho;
     for (const std::uint32_t n : leaves) by_rho[rule.rho(own.nodes[n])].push_back(n);
     std::vector<SplitRequest> requests;
+    const std::size_t first_tile = tiles.size();
     for (const auto& [rho, group] : by_rho)
       for (const Tile& tile : rasterize_tiles(
                primitives, own, group, raster_config(rho, primitives, keeps_discs, rims_apart, is_noisy),
@@ -292,9 +331,19 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
       }
     clock.lap(time.rasterize);
     if (is_first && !requests.empty()) sort_references(own, requests);
-    split_once(own, primitives, requests);
+    std::vector<SplitRequest> parting;
+    if (hybrid == Hybrid::kAuto) parting = part_bare(own, tiles, first_tile);
+    parting.insert(parting.end(), requests.begin(), requests.end());
+    split_once(own, primitives, parting);
     leaves.clear();
-    append_children(own, requests, leaves);
+    for (const SplitRequest& request : parting) {
+      const auto left = static_cast<std::uint32_t>(own.nodes[request.node].left);
+      leaves.push_back(left);
+      if (request.by == SplitBy::kFirst || bare.contains(request.node)) bare.insert(left);
+      if (request.by == SplitBy::kFirst) continue;
+      leaves.push_back(left + 1);
+      if (bare.contains(request.node)) bare.insert(left + 1);
+    }
     clock.lap(time.partition);
   }
   Level level = finish_level(rule.level, tiles, texels, own, primitives);

@@ -205,9 +205,14 @@ void split_once(Partition& partition, const Primitives& primitives,
   for (const SplitRequest& request : requests) active.push_back(request.node);
   std::vector<Split> splits = choose_splits(partition, primitives, active);
   for (std::size_t k = 0; k < requests.size(); ++k) {
-    if (requests[k].by == SplitBy::kRule || splits[k].kind == RBVH_SPLIT_OBJECT) continue;
-    splits[k] = spatial_median(partition.nodes[requests[k].node]);
-    splits[k].kind = requests[k].by == SplitBy::kFacing ? RBVH_SPLIT_FACING : RBVH_SPLIT_RIM;
+    const SplitBy by = requests[k].by;
+    if (by == SplitBy::kRule || (by != SplitBy::kFirst && splits[k].kind == RBVH_SPLIT_OBJECT)) continue;
+    const PartitionNode& node = partition.nodes[requests[k].node];
+    splits[k] = spatial_median(node);
+    splits[k].kind = by == SplitBy::kFacing ? RBVH_SPLIT_FACING
+                     : by == SplitBy::kRim  ? RBVH_SPLIT_RIM
+                                            : RBVH_SPLIT_COUNT;
+    if (by == SplitBy::kFirst) splits[k].middle = node.begin + requests[k].first;
     std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
     splits[k].position = requests[k].cosine;
   }

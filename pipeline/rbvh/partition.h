@@ -67,6 +67,7 @@ enum class SplitBy {
   kRule,    ///< as split_nodes()
   kFacing,  ///< what faces along `facing` from what does not
   kRim,     ///< what touches the surface's rim from what does not
+  kFirst,   ///< the `first` first references from the rest
 };
 
 /// A node to be split once.
@@ -75,6 +76,7 @@ struct SplitRequest {
   SplitBy by = SplitBy::kRule;
   Vec3f facing{};
   float cosine = 0;  ///< with `facing`, the least one of what faces along it
+  std::uint32_t first = 0;
 };
 
 /// Splits each node once, also nodes that have children: those are forgotten.

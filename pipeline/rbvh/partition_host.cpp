@@ -133,6 +133,7 @@ std::uint32_t split_by(References references, const GoesLeft& goes_left) {
 std::uint32_t split_in_two(const Partition& partition, References references, const PartitionNode& node,
                            const SplitRequest& request) {
   const HostPrimitives& p = *partition.host;
+  if (request.by == SplitBy::kFirst) return request.first;
   const auto count = static_cast<std::uint32_t>(references.size());
   const Bounds3f own = node.bounds();
   const Bounds3d box{Vec3d(own.lo), Vec3d(own.hi)};

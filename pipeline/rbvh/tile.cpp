@@ -284,6 +284,28 @@ void merge_guests(const Raster& raster, const Buffer<RasterTile>& tiles, const G
            raster.primitives.discs ? 2 * config.reach : config.open_reach);
 }
 
+/// Tells the tiles which of their triangles they do not show.
+void find_bare(const Raster& raster, const Runs& own, const Buffer<RasterTile>& tiles,
+               std::vector<Tile>& finished) {
+  const Device& device = raster.device();
+  std::uint32_t room = 1 << 12;
+  std::vector<std::uint32_t> list;
+  for (bool is_whole = false; !is_whole; room = list[0]) {
+    Buffer<std::uint32_t> device_list(device, room + 1);
+    device_list.fill(0);
+    device.kernel("rasterize", "rasterize_bare")
+        .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
+             raster.primitives.shape, raster.config.bare_slack, raster.keys, room, device_list);
+    list = device_list.read();
+    is_whole = list[0] <= room;
+  }
+  const auto first = list.begin() + 1, last = first + list[0];
+  std::sort(first, last);
+  for (std::size_t k = 0; k < finished.size(); ++k)
+    finished[k].bare.assign(std::lower_bound(first, last, raster.node(k).begin),
+                            std::lower_bound(first, last, raster.node(k).end));
+}
+
 /// Heights in the tiles' own quanta; completes the leaves.
 std::vector<std::uint16_t> quantize(const Raster& raster, const Buffer<RasterTile>& device_tiles,
                                     std::vector<Tile>& finished) {
@@ -343,6 +365,7 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
     append_runs(guest_runs, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
   const Runs visiting = {Buffer<Run>(device, guest_runs), static_cast<std::uint32_t>(guest_runs.size())};
   merge_guests(raster, tiles, guests, visiting);
+  if (!primitives.discs) find_bare(raster, own, tiles, finished);
   const std::vector<std::uint16_t> heights = quantize(raster, tiles, finished);
 
   Buffer<std::uint32_t> normals(device, raster.texel_count), colors(device, raster.texel_count);

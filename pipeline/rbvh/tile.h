@@ -17,13 +17,14 @@ struct Tile {
   RbvhLeaf leaf{};         ///< all but its place in the atlas
   Bounds3f bounds;         ///< what a ray must touch to be tested against the tile
   std::uint32_t texels_used = 0;
-  std::size_t first_texel = 0;  ///< in TileTexels
-  bool is_exact = false;        ///< keeps its primitives
-  bool is_final = false;        ///< else it has no texels yet, and is to be split
-  bool is_faulty = false;       ///< two layers, steep area, a step or missed corners: better split
-  bool has_back = false;        ///< part of it faces away: better split by facing, along w
-  bool is_steep = false;        ///< part of it stands on the tile's plane: likewise
-  Vec3f w;                      ///< the tile's outside, unit
+  std::size_t first_texel = 0;      ///< in TileTexels
+  bool is_exact = false;            ///< keeps its primitives
+  bool is_final = false;            ///< else it has no texels yet, and is to be split
+  bool is_faulty = false;           ///< two layers, steep area, a step or missed corners: better split
+  bool has_back = false;            ///< part of it faces away: better split by facing, along w
+  bool is_steep = false;            ///< part of it stands on the tile's plane: likewise
+  Vec3f w;                          ///< the tile's outside, unit
+  std::vector<std::uint32_t> bare;  ///< places among the references of triangles that no march finds in it
 };
 
 /// The texels of many tiles, one after the other.
@@ -43,6 +44,7 @@ struct RasterConfig {
   float layer_gap = 2;      ///< two coverings of a texel further apart (texels) are two layers
   float steep_limit = 4;    ///< area (texels) of what stands steep on the tile that is worth a split
   float miss_limit = 0.75f;  ///< corners further (texels) from the heights around them are worth a split
+  float bare_slack = 0.02f;  ///< a triangle may reach so far (texels) into a cell with an empty corner
   float step_limit = 2;      ///< neighbours further apart in height (texels) than this are worth a split
 };
 

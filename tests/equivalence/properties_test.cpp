@@ -2,6 +2,9 @@
 // says.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <set>
+
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
@@ -129,6 +132,91 @@ TEST(Properties, AnyRaysHitLiesWithinTheLevelsStatedErrorOfTheScan) {
             << "scan " << k << " " << level.name << " hybrid " << static_cast<int>(hybrid);
       }
     }
+  }
+}
+
+/// A globe with folds that hang over, each other way round.
+Scan folded_globe(Random& random, int cells) {
+  const float depth = uniform(random, 0.05f, 0.2f), lean = uniform(random, 0.1f, 0.3f),
+              phase = uniform(random, 0, 6);
+  Scan scan;
+  add_sheet(scan, cells, [&](float s, float t) {
+    const float theta = 3.14159265f * (1 - t), fade = std::sin(theta);
+    const float wave = std::sin(75.4f * s) * std::sin(9 * theta + phase), r = 1 + fade * depth * wave;
+    const float phi = 6.2831853f * s + fade * lean * wave;
+    return Vec3f{r * fade * std::cos(phi), r * fade * std::sin(phi), r * std::cos(theta)};
+  });
+  return scan;
+}
+
+/// Is the point where a march finds heights? Within `slack` of a texel's cell with no empty corner, that is.
+bool is_in_whole_cell(const Level& level, const RbvhLeaf& leaf, Vec3f p, float slack) {
+  const float* m = leaf.to_tile;
+  const float u = m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3],
+              v = m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7];
+  const auto is_there = [&](int x, int y) {
+    return x >= 0 && y >= 0 && x < leaf.width && y < leaf.height &&
+           level.layers[0].texels[std::size_t{level.atlas_width} * static_cast<std::size_t>(leaf.y + y) +
+                                  static_cast<std::size_t>(leaf.x + x)] != 0;
+  };
+  for (const float du : {-slack, slack})
+    for (const float dv : {-slack, slack}) {
+      const auto x = static_cast<int>(std::floor(u + du)), y = static_cast<int>(std::floor(v + dv));
+      if (is_there(x, y) && is_there(x + 1, y) && is_there(x, y + 1) && is_there(x + 1, y + 1)) return true;
+    }
+  return false;
+}
+
+bool meets(const RbvhNode& node, const Bounds3f& box) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (box.hi[axis] < node.lo[axis] || box.lo[axis] > node.hi[axis]) return false;
+  return true;
+}
+
+std::array<float, 9> corners(const Scan& scan, const Triangle& triangle) {
+  std::array<float, 9> all{};
+  for (std::size_t k = 0; k < 3; ++k) std::copy_n(&scan.positions[triangle[k]].x, 3, all.data() + 3 * k);
+  return all;
+}
+
+TEST(Properties, WhatNoTileShowsIsKept) {
+  Random random(property_seed());
+  const Device device = Device::open();
+  for (int trial = 0; trial < 4; ++trial) {
+    const Scan scan = folded_globe(random, 100);
+    BuildConfig config;
+    config.levels = {{"Q", 2e4f, 0.75f, 55}};  // a texel a triangle
+    const Level level = build_rbvh(device, scan, config).levels[0];
+    std::set<std::array<float, 9>> kept;  // corners of triangles
+    std::vector<bool> is_exact(level.leaves.size());
+    for (const RbvhExactLeaf& exact : level.exact_leaves) {
+      is_exact[exact.leaf] = true;
+      for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
+        kept.insert(std::to_array(level.exact_primitives[exact.first + i].shape));
+      }
+    }
+    std::size_t lost = 0, tried = 0;
+    for (const Triangle& t : scan.triangles) {
+      const Vec3f a = scan.positions[t[0]], ab = scan.positions[t[1]] - a, ac = scan.positions[t[2]] - a;
+      if (!(length(cross(ab, ac)) > 1e-9f)) continue;  // at the poles
+      ++tried;
+      if (kept.contains(corners(scan, t))) continue;
+      Bounds3f box;
+      for (const std::uint32_t corner : t) box.add(scan.positions[corner]);
+      std::vector<const RbvhNode*> near;
+      for (const RbvhNode& node : level.nodes)
+        if (node.count == 1 && !is_exact[node.first] && meets(node, box)) near.push_back(&node);
+      for (int i = 0; i < 20; ++i) {
+        const float u = uniform(random, 0, 1), v = uniform(random, 0, 1);
+        const Vec3f p = a + (u + v > 1 ? ab * (1 - u) + ac * (1 - v) : ab * u + ac * v);
+        lost += std::none_of(near.begin(), near.end(), [&](const RbvhNode* node) {
+          return is_in_whole_cell(level, level.leaves[node->first], p, 0.03f);
+        });
+      }
+    }
+    EXPECT_EQ(lost, 0u) << "trial " << trial;
+    EXPECT_GT(tried, 15000u);
+    EXPECT_LT(level.exact_primitives.size(), 3 * tried / 4) << "trial " << trial;
   }
 }
 
