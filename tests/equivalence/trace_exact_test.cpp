@@ -451,10 +451,10 @@ TEST_F(TraceExact, TreesDeeperThanAWordHasBits) {
   check(scan, rays, 0);
 }
 
-TEST_F(TraceExact, AMillionDuplicatesOfOneCode) {
+TEST_F(TraceExact, ManyDuplicatesOfOneCode) {
   Scan scan = soup(random, 1, 1);
   const Triangle one = scan.triangles[0];
-  scan.triangles.assign(1'000'000, one);
+  scan.triangles.assign(200'000, one);
   Scan alone = scan;
   alone.triangles.resize(1);
   const std::vector<Ray> rays = random_rays(random, scan, 20);

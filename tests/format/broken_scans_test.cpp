@@ -53,7 +53,10 @@ TEST(BrokenScans, TheToolSaysOneLineAndLeavesNothing) {
   const fs::path folder = pattern;
   const fs::path out = folder / "out.ply", said = folder / "said";
   std::size_t bad = 0, good = 0;
-  for (const fs::path& file : corpus()) {
+  const std::vector<fs::path> files = corpus();
+  // Every third: a start of the tool takes a quarter of a second. Its readers meet them all below.
+  for (std::size_t i = 0; i < files.size(); i += 3) {
+    const fs::path& file = files[i];
     SCOPED_TRACE(file.filename());
     const std::string command = std::string("'" RBVH_TOOL "' ingest '") + file.string() + "' -q -o '" +
                                 out.string() + "' >'" + said.string() + "' 2>&1";
@@ -76,8 +79,8 @@ TEST(BrokenScans, TheToolSaysOneLineAndLeavesNothing) {
     EXPECT_EQ(std::distance(fs::directory_iterator(folder), fs::directory_iterator()), 1);  // what it said
   }
   fs::remove_all(folder);
-  EXPECT_GT(bad, 100u);
-  EXPECT_GT(good, 15u);
+  EXPECT_GT(bad, 30u);
+  EXPECT_GT(good, 5u);
 }
 
 TEST(BrokenScans, CutAnywhereEveryReaderHolds) {
