@@ -97,14 +97,15 @@ RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
 #define RBVH_CHUNK 8  // primitives that are tested at once
 
-// Primitives of a leaf for tracing, side by side, and the box about them; where there are fewer, NaN.
+// Primitives of a leaf for tracing, side by side; where there are fewer, NaN.
 typedef struct RbvhChunk {
-  float lo[3], hi[3];
   float shape[9][RBVH_CHUNK];  // RbvhPrimitive.shape
 } RbvhChunk;
-RBVH_LAYOUT_SIZE(RbvhChunk, 312);
+RBVH_LAYOUT_SIZE(RbvhChunk, 288);
 
-// A tile for tracing.
+#define RBVH_NO_CHUNK 0xffffffffu
+
+// A tile for tracing; of a leaf that keeps primitives one for each chunk of them.
 typedef struct RbvhTile {
   float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
   rbvh_u32 offset;    // its first texel in the heights; they lie row by row
@@ -112,7 +113,8 @@ typedef struct RbvhTile {
   float step_limit;    // in height quanta
   float top;           // the largest height
   float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
-  rbvh_u32 exact_first, exact_count;  // chunks of primitives that stand for the heights, if any
+  rbvh_u32 leaf;       // whose tile it is
+  rbvh_u32 chunk;      // of primitives that stand for the heights; RBVH_NO_CHUNK: none
 } RbvhTile;
 RBVH_LAYOUT_SIZE(RbvhTile, 96);
 

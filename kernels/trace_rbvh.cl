@@ -97,61 +97,37 @@ DEFINE_MEET(meet_packet, float, float16, float16, ONE_WORD)
 
 static inline int longest_axis(float x, float y, float z) { return x >= y && x >= z ? 0 : y >= z ? 1 : 2; }
 
-// May the ray, or rays, meet the chunk's box before t? Rounding must not lose a flat one.
-#define DEFINE_NEAR_CHUNK(NAME, F)                                                                                    \
-  static inline F NAME(__global const RbvhChunk* c, float3 o, F ix, F iy, F iz, F tmin, F tmax, F* t_out) {           \
-    const F ax = (c->lo[0] - o.x) * ix, bx = (c->hi[0] - o.x) * ix, ay = (c->lo[1] - o.y) * iy,                       \
-            by = (c->hi[1] - o.y) * iy, az = (c->lo[2] - o.z) * iz, bz = (c->hi[2] - o.z) * iz;                       \
-    *t_out = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), tmax)) * 1.000001f;                                  \
-    return max(max(min(ax, bx), min(ay, by)), max(min(az, bz), tmin)) * 0.999999f;                                    \
-  }
-DEFINE_NEAR_CHUNK(near_chunk, float)
-DEFINE_NEAR_CHUNK(near_chunk16, float16)
-
-// Nearest crossing of the leaf's primitives within (tmin, tmax), or tmax.
+// Nearest crossing of the tile's primitives within (tmin, tmax), or tmax.
 static inline float meet_exact(const Level* level, __global const Tile* tile, float3 o, float3 d, float tmin,
                                float tmax, uint* steps) {
-  if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return tmax;
-  __global const RbvhChunk* chunks = level->exact + tile->exact_first;
-  const float3 inv = (float3)(1.0f / nonzero(d.x), 1.0f / nonzero(d.y), 1.0f / nonzero(d.z));
+  if (!IN_BOUNDS(level->bounds, EXACT, tile->chunk, 1)) return tmax;
   const float from[3] = {o.x, o.y, o.z}, along[3] = {d.x, d.y, d.z};
   const int kz = longest_axis(fabs(d.x), fabs(d.y), fabs(d.z));
-  for (uint i = 0; i < tile->exact_count; ++i) {
-    float t_out;
-    if (!(near_chunk(chunks + i, o, inv.x, inv.y, inv.z, tmin, tmax, &t_out) <= t_out)) continue;
-    *steps += 1;
-    const float8 t = meet_chunk(chunks + i, 0, level->discs, from, along, kz);
-    const float8 met = select((float8)(tmax), t, (t > tmin) & (t < tmax));
-    const float4 least = min(met.lo, met.hi);
-    tmax = min(min(least.x, least.y), min(least.z, least.w));
-  }
-  return tmax;
+  *steps += 1;
+  const float8 t = meet_chunk(level->exact + tile->chunk, 0, level->discs, from, along, kz);
+  const float8 met = select((float8)(tmax), t, (t > tmin) & (t < tmax));
+  const float4 least = min(met.lo, met.hi);
+  return min(min(least.x, least.y), min(least.z, least.w));
 }
 
 // The normal of the primitive that was met at t.
 static inline float3 exact_normal(const Level* level, __global const Tile* tile, float3 o, float3 d, float t) {
-  if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return -d;
-  const float3 inv = (float3)(1.0f / nonzero(d.x), 1.0f / nonzero(d.y), 1.0f / nonzero(d.z));
+  if (!IN_BOUNDS(level->bounds, EXACT, tile->chunk, 1)) return -d;
+  __global const RbvhChunk* c = level->exact + tile->chunk;
   const float from[3] = {o.x, o.y, o.z}, along[3] = {d.x, d.y, d.z};
-  const int kz = longest_axis(fabs(d.x), fabs(d.y), fabs(d.z));
-  float3 normal = -d;
+  float off[RBVH_CHUNK];
+  vstore8(fabs(meet_chunk(c, 0, level->discs, from, along, longest_axis(fabs(d.x), fabs(d.y), fabs(d.z))) - t), 0, off);
   float least = INFINITY;
-  for (uint i = 0; i < tile->exact_count; ++i) {
-    __global const RbvhChunk* c = level->exact + tile->exact_first + i;
-    float t_out;
-    if (!(near_chunk(c, o, inv.x, inv.y, inv.z, t, t, &t_out) <= t_out)) continue;
-    float off[RBVH_CHUNK];
-    vstore8(fabs(meet_chunk(c, 0, level->discs, from, along, kz) - t), 0, off);
-    for (uint k = 0; k < RBVH_CHUNK; ++k) {
-      if (!(off[k] < least)) continue;
-      least = off[k];
-      const float3 p = (float3)(c->shape[0][k], c->shape[1][k], c->shape[2][k]);
-      const float3 q = (float3)(c->shape[3][k], c->shape[4][k], c->shape[5][k]);
-      const float3 r = (float3)(c->shape[6][k], c->shape[7][k], c->shape[8][k]);
-      normal = level->discs ? (float3)(q.y, q.z, r.x) : normalize(cross(q - p, r - p));
-    }
+  uint nearest = 0;
+  for (uint k = 0; k < RBVH_CHUNK; ++k) {
+    if (!(off[k] < least)) continue;
+    least = off[k];
+    nearest = k;
   }
-  return normal;
+  const float3 p = (float3)(c->shape[0][nearest], c->shape[1][nearest], c->shape[2][nearest]);
+  const float3 q = (float3)(c->shape[3][nearest], c->shape[4][nearest], c->shape[5][nearest]);
+  const float3 r = (float3)(c->shape[6][nearest], c->shape[7][nearest], c->shape[8][nearest]);
+  return level->discs ? (float3)(q.y, q.z, r.x) : normalize(cross(q - p, r - p));
 }
 
 // --- tiles ----------------------------------------------------------------------------------------------------------
@@ -193,7 +169,7 @@ static inline void store_hit(__global Hit* hit, const Level* level, float3 origi
     du = isnan(du) ? 0.0f : du;
     dv = isnan(dv) ? 0.0f : dv;
     // Gradient of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
-    const bool exact = tile->exact_count != 0;
+    const bool exact = tile->chunk != RBVH_NO_CHUNK;
     const float3 n = exact ? exact_normal(level, tile, origin, direction, t) : normalize(rw - ru * du - rv * dv);
     h.t = t;
     h.normal[0] = n.x;
@@ -201,7 +177,7 @@ static inline void store_hit(__global Hit* hit, const Level* level, float3 origi
     h.normal[2] = n.z;
     h.u = clamp(u / (float)(width - 1), 0.0f, 1.0f);
     h.v = clamp(v / (float)(height - 1), 0.0f, 1.0f);
-    h.leaf = (uint)leaf;
+    h.leaf = tile->leaf;
     h.flags = (dot(n, direction) > 0.0f ? RBVH_HIT_BACK_FACE : 0u) | (exact ? RBVH_HIT_TRIANGLE_LEAF : 0u);
   }
   *hit = h;
@@ -239,7 +215,7 @@ static inline void shorten(Segments* s, int16 which, float16 t_row, float16 at, 
 static inline float march(const Level* level, int id, float3 o, float3 d, float tmin, float tmax, uint* steps) {
   if (!IN_BOUNDS(level->bounds, TILES, (ulong)id, 1)) return tmax;
   __global const Tile* tile = level->tiles + id;
-  if (tile->exact_count != 0) return meet_exact(level, tile, o, d, tmin, tmax, steps);
+  if (tile->chunk != RBVH_NO_CHUNK) return meet_exact(level, tile, o, d, tmin, tmax, steps);
   __global const float* m = tile->columns;
   const float4 mx = vload4(0, m), my = vload4(0, m + 3), mz = vload4(0, m + 6);
   const float4 ot = mx * o.x + my * o.y + mz * o.z + (float4)(vload3(3, m), 0.0f);
@@ -449,25 +425,18 @@ typedef struct {
 
 static inline void meet_exact_packet(const Level* level, __global const Tile* tile, int id, float3 o, Packet* rays,
                                      uint* steps) {
-  if (!IN_BOUNDS(level->bounds, EXACT, tile->exact_first, tile->exact_count)) return;
-  __global const RbvhChunk* chunks = level->exact + tile->exact_first;
+  if (!IN_BOUNDS(level->bounds, EXACT, tile->chunk, 1)) return;
+  __global const RbvhChunk* c = level->exact + tile->chunk;
   const float from[3] = {o.x, o.y, o.z};
   const float16 along[3] = {rays->dx, rays->dy, rays->dz};
   // Along which no ray is slow.
   const int kz = longest_axis(any_lo(fabs(rays->dx)), any_lo(fabs(rays->dy)), any_lo(fabs(rays->dz)));
-  // The tiny summand: a zero would make the box's slabs NaN.
-  const float16 ix = 1.0f / (rays->dx + 1e-20f), iy = 1.0f / (rays->dy + 1e-20f), iz = 1.0f / (rays->dz + 1e-20f);
-  for (uint i = 0; i < tile->exact_count; ++i) {
-    float16 t_out;
-    const float16 t_in = near_chunk16(chunks + i, o, ix, iy, iz, (float16)(0.0f), rays->t, &t_out);
-    if (lane_bits16(t_in <= t_out) == 0u) continue;
-    *steps += 1;
-    for (uint k = 0; k < RBVH_CHUNK && !isnan(chunks[i].shape[0][k]); ++k) {
-      const float16 t = meet_packet(chunks + i, k, level->discs, from, along, kz);
-      const int16 taken = (t > 0.0f) & (t < rays->t);
-      rays->t = select(rays->t, t, taken);
-      rays->leaf = select(rays->leaf, (int16)(id), taken);
-    }
+  *steps += 1;
+  for (uint k = 0; k < RBVH_CHUNK && !isnan(c->shape[0][k]); ++k) {
+    const float16 t = meet_packet(c, k, level->discs, from, along, kz);
+    const int16 taken = (t > 0.0f) & (t < rays->t);
+    rays->t = select(rays->t, t, taken);
+    rays->leaf = select(rays->leaf, (int16)(id), taken);
   }
 }
 
@@ -475,7 +444,7 @@ static inline void meet_exact_packet(const Level* level, __global const Tile* ti
 static inline void march_packet(const Level* level, int id, float3 o, Packet* rays, uint* steps) {
   if (!IN_BOUNDS(level->bounds, TILES, (ulong)id, 1)) return;
   __global const Tile* tile = level->tiles + id;
-  if (tile->exact_count != 0) {
+  if (tile->chunk != RBVH_NO_CHUNK) {
     meet_exact_packet(level, tile, id, o, rays, steps);
     return;
   }

@@ -7,35 +7,39 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/tile.h"
+#include "pipeline/rbvh/top_tree.h"
 #include "pipeline/rbvh/wide_nodes.h"
 
 namespace rbvh {
 namespace {
 
 constexpr std::uint32_t kStack = 192;  ///< entries of the kernels' traversal stacks
+constexpr float kChunkPadTexels = 0.1f;
 
 std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
 
-/// Appends a leaf's primitives, RBVH_CHUNK side by side.
-void append_chunks(std::span<const RbvhPrimitive> primitives, bool discs, std::vector<RbvhChunk>& chunks) {
-  for (std::size_t i = 0; i < primitives.size(); ++i) {
-    const std::size_t lane = i % RBVH_CHUNK;
-    const float* shape = primitives[i].shape;
-    if (lane == 0) {
-      RbvhChunk& chunk = chunks.emplace_back();
-      std::fill_n(&chunk.shape[0][0], 9 * RBVH_CHUNK, std::numeric_limits<float>::quiet_NaN());
-      std::fill_n(chunk.lo, 3, std::numeric_limits<float>::max());
-      std::fill_n(chunk.hi, 3, std::numeric_limits<float>::lowest());
-    }
-    RbvhChunk& chunk = chunks.back();
-    for (std::size_t row = 0; row < 9; ++row) chunk.shape[row][lane] = shape[row];
-    for (int axis = 0; axis < 3; ++axis) {
-      const float p = shape[axis], q = discs ? p - shape[3] : shape[axis + 3],
-                  r = discs ? p + shape[3] : shape[axis + 6];
-      chunk.lo[axis] = std::min({chunk.lo[axis], p, q, r});
-      chunk.hi[axis] = std::max({chunk.hi[axis], p, q, r});
+/// At most RBVH_CHUNK primitives, side by side.
+RbvhChunk make_chunk(std::span<const RbvhPrimitive> primitives) {
+  RbvhChunk chunk;
+  std::fill_n(&chunk.shape[0][0], 9 * RBVH_CHUNK, std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t lane = 0; lane < primitives.size(); ++lane)
+    for (std::size_t row = 0; row < 9; ++row) chunk.shape[row][lane] = primitives[lane].shape[row];
+  return chunk;
+}
+
+Bounds3f bounds_of(std::span<const RbvhPrimitive> primitives, bool discs, float pad) {
+  Bounds3f box;
+  for (const RbvhPrimitive& primitive : primitives) {
+    const float* s = primitive.shape;
+    const Vec3f a{s[0], s[1], s[2]}, radius{s[3], s[3], s[3]};
+    if (discs) {
+      box.add(a - radius);
+      box.add(a + radius);
+    } else {
+      for (const Vec3f& corner : {a, Vec3f{s[3], s[4], s[5]}, Vec3f{s[6], s[7], s[8]}}) box.add(corner);
     }
   }
+  return {box.lo - Vec3f{pad, pad, pad}, box.hi + Vec3f{pad, pad, pad}};
 }
 
 float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
@@ -47,33 +51,32 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   RbvhTracer tracer{.device = device,
                     .nodes8 = {},
                     .nodes16 = {},
-                    .leaves = {},
+                    .tiles = {},
                     .heights = {},
                     .exact = {},
                     .discs = level.exact_discs ? 1u : 0u};
-  const WideNodes eight = flatten_wide(level.nodes, 8), sixteen = flatten_wide(level.nodes, 16);
-  if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
-    throw Error(ExitCode::kInput, "", "the hierarchy is too deep to trace; build the pair again");
-  tracer.nodes8 = Buffer<std::uint32_t>(device, eight.words);
-  tracer.nodes16 = Buffer<std::uint32_t>(device, sixteen.words);
-
   // Tile by tile, so that a march stays within a few cache lines.
-  std::vector<RbvhTile> leaves;
+  std::vector<RbvhTile> tiles;
   std::vector<std::uint16_t> heights;
   const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
-  std::vector<const RbvhNode*> boxes(level.leaves.size());
-  for (const RbvhNode& node : level.nodes)
-    if (node.count == 1) boxes[node.first] = &node;
+  // The tree, in which the chunks of a leaf that keeps its primitives get nodes of their own.
+  std::vector<RbvhNode> nodes = level.nodes;
+  std::vector<std::uint32_t> node_of(level.leaves.size());
+  for (std::uint32_t n = 0; n < nodes.size(); ++n)
+    if (nodes[n].count == 1) node_of[nodes[n].first] = n;
   std::vector<RbvhChunk> chunks;
   auto exact = level.exact_leaves.begin();
-  for (const RbvhLeaf& leaf : level.leaves) {
-    const RbvhNode& box = *boxes[static_cast<std::size_t>(&leaf - level.leaves.data())];
-    RbvhTile& tile = leaves.emplace_back();
+  for (std::uint32_t l = 0; l < level.leaves.size(); ++l) {
+    const RbvhLeaf& leaf = level.leaves[l];
+    RbvhNode& node = nodes[node_of[l]];
+    RbvhTile tile{};
+    tile.leaf = l;
+    tile.chunk = RBVH_NO_CHUNK;
     for (int row = 0; row < 3; ++row)
       for (int column = 0; column < 4; ++column)
         tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
-    std::copy_n(box.lo, 3, tile.lo);
-    std::copy_n(box.hi, 3, tile.hi);
+    std::copy_n(node.lo, 3, tile.lo);
+    std::copy_n(node.hi, 3, tile.hi);
     tile.offset = static_cast<std::uint32_t>(heights.size());
     tile.width = leaf.width;
     tile.height = leaf.height;
@@ -83,16 +86,42 @@ RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
       heights.insert(heights.end(), row, row + leaf.width);
       tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
     }
-    if (exact != level.exact_leaves.end() &&
-        exact->leaf == static_cast<std::size_t>(&leaf - level.leaves.data())) {
-      tile.exact_first = static_cast<std::uint32_t>(chunks.size());
-      append_chunks(std::span(level.exact_primitives).subspan(exact++->first, leaf.primitives),
-                    level.exact_discs, chunks);
-      tile.exact_count = static_cast<std::uint32_t>(chunks.size()) - tile.exact_first;
+    const auto first = static_cast<std::uint32_t>(tiles.size());
+    if (exact == level.exact_leaves.end() || exact->leaf != l) {
+      node.first = first;
+      tiles.push_back(tile);
+      continue;
+    }
+    auto rest = std::span(level.exact_primitives).subspan(exact++->first, leaf.primitives);
+    std::vector<Bounds3f> boxes;
+    // Rounding must not lose what is flat.
+    const float pad = kChunkPadTexels / row_length(leaf.to_tile);
+    while (!rest.empty()) {
+      const auto chunk = rest.first(std::min<std::size_t>(rest.size(), RBVH_CHUNK));
+      rest = rest.subspan(chunk.size());
+      boxes.push_back(bounds_of(chunk, level.exact_discs, pad));
+      chunks.push_back(make_chunk(chunk));
+    }
+    const TopTree tree = build_top_tree(boxes);
+    for (const std::uint32_t k : tree.order) {
+      tile.chunk = static_cast<std::uint32_t>(chunks.size() - boxes.size()) + k;
+      tiles.push_back(tile);
+    }
+    // Its root takes the leaf's place.
+    const auto moved = static_cast<std::uint32_t>(nodes.size()) - 1;
+    for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
+      RbvhNode& to = n == 0 ? nodes[node_of[l]] : nodes.emplace_back();
+      to = tree.nodes[n];
+      to.first += to.count == 0 ? moved : first;
     }
   }
   heights.push_back(0);  // the kernels may read one texel past the last
-  tracer.leaves = Buffer<RbvhTile>(device, leaves);
+  const WideNodes eight = flatten_wide(nodes, 8), sixteen = flatten_wide(nodes, 16);
+  if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
+    throw Error(ExitCode::kInput, "", "the hierarchy is too deep to trace; build the pair again");
+  tracer.nodes8 = Buffer<std::uint32_t>(device, eight.words);
+  tracer.nodes16 = Buffer<std::uint32_t>(device, sixteen.words);
+  tracer.tiles = Buffer<RbvhTile>(device, tiles);
   tracer.heights = Buffer<std::uint16_t>(device, heights);
   tracer.exact = chunks.empty() ? Buffer<RbvhChunk>(device, 1) : Buffer<RbvhChunk>(device, chunks);
   return tracer;
@@ -102,7 +131,7 @@ void trace_rays(const RbvhTracer& tracer, const Buffer<Ray>& rays, const Buffer<
                 RayQuery query, const Buffer<std::uint32_t>* steps) {
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   tracer.device.kernel("trace_rbvh", "trace_rbvh_rays", options())
-      .run(count, 64, tracer.nodes16, tracer.leaves, tracer.heights, tracer.exact, tracer.discs, rays,
+      .run(count, 64, tracer.nodes16, tracer.tiles, tracer.heights, tracer.exact, tracer.discs, rays,
            static_cast<std::uint32_t>(count), query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
 }
 
@@ -114,11 +143,11 @@ void trace_camera(const RbvhTracer& tracer, const CameraRays& camera, const Buff
   };
   if (tracer.device.info().is_cpu)
     tracer.device.kernel("trace_rbvh", "trace_rbvh_packets", options())
-        .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, tracer.nodes8, tracer.leaves,
+        .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, tracer.nodes8, tracer.tiles,
              tracer.heights, tracer.exact, tracer.discs, camera, hits, steps_out);
   else
     tracer.device.kernel("trace_rbvh", "trace_rbvh_pixels", options())
-        .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, tracer.nodes16, tracer.leaves,
+        .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, tracer.nodes16, tracer.tiles,
              tracer.heights, tracer.exact, tracer.discs, camera, hits, steps_out);
 }
 

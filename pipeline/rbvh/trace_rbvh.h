@@ -14,7 +14,7 @@ enum class RayQuery { kNearest, kAny };
 struct RbvhTracer {
   Device device;
   Buffer<std::uint32_t> nodes8, nodes16;  ///< wide nodes, see kernels/trace_rbvh.cl
-  Buffer<RbvhTile> leaves;
+  Buffer<RbvhTile> tiles;
   Buffer<std::uint16_t> heights;
   Buffer<RbvhChunk> exact;  ///< what leaves keep in place of heights
   std::uint32_t discs = 0;  ///< those are discs, not triangles

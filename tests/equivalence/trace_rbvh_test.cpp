@@ -475,13 +475,13 @@ TEST(TraceRbvh, IndicesOutOfBoundsAreCaughtWhereTheyAreChecked) {
 
   // Tiles whose texels lie beyond the heights, or that are larger than what is left of these.
   for (const bool moved : {true, false}) {
-    std::vector<RbvhTile> tiles = whole.leaves.read();
+    std::vector<RbvhTile> tiles = whole.tiles.read();
     for (RbvhTile& tile : tiles) {
       if (moved) tile.offset = 0x7fffff00u;
       if (!moved) tile.width = tile.height = 0xffff;
     }
     RbvhTracer tracer = whole;
-    tracer.leaves = Buffer<RbvhTile>(device, tiles);
+    tracer.tiles = Buffer<RbvhTile>(device, tiles);
     EXPECT_NE(traced_out_of_bounds(device, tracer, level).find("reads element"), std::string::npos);
   }
 }
