@@ -13,8 +13,8 @@
 namespace rbvh {
 namespace {
 
-constexpr std::uint32_t kStack = 192;  ///< entries of the kernels' traversal stacks
-constexpr float kChunkPadTexels = 0.1f;
+constexpr std::uint32_t kStack = 192;    ///< entries of the kernels' traversal stacks
+constexpr float kChunkPadTexels = 0.1f;  ///< rounding must not lose a flat one
 
 std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
 
@@ -44,87 +44,99 @@ Bounds3f bounds_of(std::span<const RbvhPrimitive> primitives, bool discs, float 
 
 float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
 
+/// A leaf for tracing, and its texels at the end of `heights`: tile by tile, a march stays within a few cache
+/// lines.
+RbvhTile make_tile(const Level& level, std::uint32_t leaf_index, const RbvhNode& node,
+                   std::vector<std::uint16_t>& heights) {
+  const RbvhLeaf& leaf = level.leaves[leaf_index];
+  const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
+  RbvhTile tile{};
+  tile.leaf = leaf_index;
+  tile.chunk = RBVH_NO_CHUNK;
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 4; ++column)
+      tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
+  std::copy_n(node.lo, 3, tile.lo);
+  std::copy_n(node.hi, 3, tile.hi);
+  tile.offset = static_cast<std::uint32_t>(heights.size());
+  tile.width = leaf.width;
+  tile.height = leaf.height;
+  tile.step_limit = kStepLimitTexels * row_length(leaf.to_tile + 8) / row_length(leaf.to_tile);
+  for (std::size_t y = 0; y < leaf.height; ++y) {
+    const auto row = atlas.begin() + static_cast<std::ptrdiff_t>((leaf.y + y) * level.atlas_width + leaf.x);
+    heights.insert(heights.end(), row, row + leaf.width);
+    tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
+  }
+  return tile;
+}
+
+/// The tree for tracing. A leaf that keeps its primitives is a tree of their chunks there, and each chunk a
+/// tile.
+struct TraceTree {
+  std::vector<RbvhNode> nodes;
+  std::vector<RbvhTile> tiles;
+  std::vector<RbvhChunk> chunks;
+};
+
+/// Puts a tree of the primitives in the place of `node`.
+void add_chunks(std::span<const RbvhPrimitive> primitives, bool discs, float texel, std::uint32_t node,
+                RbvhTile tile, TraceTree& to) {
+  const auto first_chunk = static_cast<std::uint32_t>(to.chunks.size()),
+             first_tile = static_cast<std::uint32_t>(to.tiles.size()),
+             moved = static_cast<std::uint32_t>(to.nodes.size()) - 1;
+  std::vector<Bounds3f> boxes;
+  for (std::size_t i = 0; i < primitives.size(); i += RBVH_CHUNK) {
+    const auto chunk = primitives.subspan(i, std::min<std::size_t>(primitives.size() - i, RBVH_CHUNK));
+    boxes.push_back(bounds_of(chunk, discs, kChunkPadTexels * texel));
+    to.chunks.push_back(make_chunk(chunk));
+  }
+  const TopTree tree = build_top_tree(boxes);
+  for (const std::uint32_t chunk : tree.order) {
+    tile.chunk = first_chunk + chunk;
+    to.tiles.push_back(tile);
+  }
+  for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
+    RbvhNode& here = n == 0 ? to.nodes[node] : to.nodes.emplace_back();
+    here = tree.nodes[n];
+    here.first += here.count == 0 ? moved : first_tile;
+  }
+}
+
 }  // namespace
 
 RbvhTracer make_rbvh_tracer(const Device& device, const Level& level) {
   RBVH_CHECK(!level.leaves.empty() && !level.layers.empty());
-  RbvhTracer tracer{.device = device,
-                    .nodes8 = {},
-                    .nodes16 = {},
-                    .tiles = {},
-                    .heights = {},
-                    .exact = {},
-                    .discs = level.exact_discs ? 1u : 0u};
-  // Tile by tile, so that a march stays within a few cache lines.
-  std::vector<RbvhTile> tiles;
   std::vector<std::uint16_t> heights;
-  const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
-  // The tree, in which the chunks of a leaf that keeps its primitives get nodes of their own.
-  std::vector<RbvhNode> nodes = level.nodes;
+  TraceTree tree{.nodes = level.nodes, .tiles = {}, .chunks = {}};
   std::vector<std::uint32_t> node_of(level.leaves.size());
-  for (std::uint32_t n = 0; n < nodes.size(); ++n)
-    if (nodes[n].count == 1) node_of[nodes[n].first] = n;
-  std::vector<RbvhChunk> chunks;
+  for (std::uint32_t n = 0; n < level.nodes.size(); ++n)
+    if (level.nodes[n].count == 1) node_of[level.nodes[n].first] = n;
   auto exact = level.exact_leaves.begin();
-  for (std::uint32_t l = 0; l < level.leaves.size(); ++l) {
-    const RbvhLeaf& leaf = level.leaves[l];
-    RbvhNode& node = nodes[node_of[l]];
-    RbvhTile tile{};
-    tile.leaf = l;
-    tile.chunk = RBVH_NO_CHUNK;
-    for (int row = 0; row < 3; ++row)
-      for (int column = 0; column < 4; ++column)
-        tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
-    std::copy_n(node.lo, 3, tile.lo);
-    std::copy_n(node.hi, 3, tile.hi);
-    tile.offset = static_cast<std::uint32_t>(heights.size());
-    tile.width = leaf.width;
-    tile.height = leaf.height;
-    tile.step_limit = kStepLimitTexels * row_length(leaf.to_tile + 8) / row_length(leaf.to_tile);
-    for (std::size_t y = 0; y < leaf.height; ++y) {
-      const auto row = atlas.begin() + static_cast<std::ptrdiff_t>((leaf.y + y) * level.atlas_width + leaf.x);
-      heights.insert(heights.end(), row, row + leaf.width);
-      tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
-    }
-    const auto first = static_cast<std::uint32_t>(tiles.size());
-    if (exact == level.exact_leaves.end() || exact->leaf != l) {
-      node.first = first;
-      tiles.push_back(tile);
-      continue;
-    }
-    auto rest = std::span(level.exact_primitives).subspan(exact++->first, leaf.primitives);
-    std::vector<Bounds3f> boxes;
-    // Rounding must not lose what is flat.
-    const float pad = kChunkPadTexels / row_length(leaf.to_tile);
-    while (!rest.empty()) {
-      const auto chunk = rest.first(std::min<std::size_t>(rest.size(), RBVH_CHUNK));
-      rest = rest.subspan(chunk.size());
-      boxes.push_back(bounds_of(chunk, level.exact_discs, pad));
-      chunks.push_back(make_chunk(chunk));
-    }
-    const TopTree tree = build_top_tree(boxes);
-    for (const std::uint32_t k : tree.order) {
-      tile.chunk = static_cast<std::uint32_t>(chunks.size() - boxes.size()) + k;
-      tiles.push_back(tile);
-    }
-    // Its root takes the leaf's place.
-    const auto moved = static_cast<std::uint32_t>(nodes.size()) - 1;
-    for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
-      RbvhNode& to = n == 0 ? nodes[node_of[l]] : nodes.emplace_back();
-      to = tree.nodes[n];
-      to.first += to.count == 0 ? moved : first;
+  for (std::uint32_t leaf = 0; leaf < level.leaves.size(); ++leaf) {
+    const std::uint32_t node = node_of[leaf];
+    const RbvhTile tile = make_tile(level, leaf, level.nodes[node], heights);
+    if (exact != level.exact_leaves.end() && exact->leaf == leaf) {
+      const auto kept =
+          std::span(level.exact_primitives).subspan(exact++->first, level.leaves[leaf].primitives);
+      add_chunks(kept, level.exact_discs, 1 / row_length(level.leaves[leaf].to_tile), node, tile, tree);
+    } else {
+      tree.nodes[node].first = static_cast<std::uint32_t>(tree.tiles.size());
+      tree.tiles.push_back(tile);
     }
   }
   heights.push_back(0);  // the kernels may read one texel past the last
-  const WideNodes eight = flatten_wide(nodes, 8), sixteen = flatten_wide(nodes, 16);
+  if (tree.chunks.empty()) tree.chunks.resize(1);
+
+  const WideNodes eight = flatten_wide(tree.nodes, 8), sixteen = flatten_wide(tree.nodes, 16);
   if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
     throw Error(ExitCode::kInput, "", "the hierarchy is too deep to trace; build the pair again");
-  tracer.nodes8 = Buffer<std::uint32_t>(device, eight.words);
-  tracer.nodes16 = Buffer<std::uint32_t>(device, sixteen.words);
-  tracer.tiles = Buffer<RbvhTile>(device, tiles);
-  tracer.heights = Buffer<std::uint16_t>(device, heights);
-  tracer.exact = chunks.empty() ? Buffer<RbvhChunk>(device, 1) : Buffer<RbvhChunk>(device, chunks);
-  return tracer;
+  return {.device = device,
+          .nodes8 = Buffer<std::uint32_t>(device, eight.words),
+          .nodes16 = Buffer<std::uint32_t>(device, sixteen.words),
+          .tiles = Buffer<RbvhTile>(device, tree.tiles),
+          .heights = Buffer<std::uint16_t>(device, heights),
+          .exact = Buffer<RbvhChunk>(device, tree.chunks),
+          .discs = level.exact_discs ? 1u : 0u};
 }
 
 void trace_rays(const RbvhTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
