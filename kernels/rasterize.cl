@@ -328,14 +328,14 @@ __kernel void rasterize_widen(__global const RasterTile* tiles, uint tile_count,
 // touches the surface's rim says nothing of what is farther from it than `rim_reach`, unless it turns away there.
 __kernel void rasterize_guests(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
                                __global const uint* guests, __global const float* shape,
-                               __global const float4* area_normal, uint is_disc, float rim_reach, float reach,
+                               __global const float4* area_normal, float rim_reach, float reach,
                                float gap, __global const uint* keys, __global uint* guest_keys) {
   const uint r = get_global_id(0);
   if (r >= run_count) return;
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
   for (uint i = runs[r].begin; i < end; ++i) {
-    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)guests[i], is_disc, reach);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)guests[i], 0u, reach);
     const bool faces = !p.is_back && !p.flat && p.steep == 0.0f;
     const float here = faces && area_normal[guests[i]].w != 0.0f ? rim_reach : 2.0f * reach;
     FOR_EACH_TEXEL(p) {
@@ -345,7 +345,7 @@ __kernel void rasterize_guests(__global const Run* runs, uint run_count, __globa
       const Sample q = sample_primitive(&p, x, y, reach);
       if (q.distance < 0.0f || q.distance > here) continue;
       const float own = (float)(keys[at] & 0xffffffu);
-      const bool same = !is_disc && faces && fabs(q.w - own) <= gap * tile->texel_w;
+      const bool same = faces && fabs(q.w - own) <= gap * tile->texel_w;
       raise(guest_keys + at, same ? make_key(q.distance, reach, q.w) : 1u);
     }
   }

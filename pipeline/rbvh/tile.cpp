@@ -261,6 +261,13 @@ Guests guests_of(const Raster& raster) {
   return find_guests(raster.partition, raster.primitives, queries);
 }
 
+Runs guest_runs(const Raster& raster, const Guests& guests) {
+  std::vector<Run> runs;
+  for (std::uint32_t k = 0; k < raster.tiles.size(); ++k)
+    append_runs(runs, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
+  return {Buffer<Run>(raster.device(), runs), static_cast<std::uint32_t>(runs.size())};
+}
+
 /// The tiles' rims, by what their neighbours have there.
 void merge_guests(const Raster& raster, const Buffer<RasterTile>& tiles, const Guests& guests,
                   const Runs& runs) {
@@ -273,15 +280,13 @@ void merge_guests(const Raster& raster, const Buffer<RasterTile>& tiles, const G
   raster.device()
       .kernel("rasterize", "rasterize_guests")
       .run(runs.count, raster.group(), runs.runs, runs.count, tiles, guests.primitives,
-           raster.primitives.shape, raster.primitives.area_normal, raster.discs(),
+           raster.primitives.shape, raster.primitives.area_normal,
            config.rims_apart ? config.rim_reach : 2 * config.reach, config.reach, config.layer_gap,
            raster.keys, guest_keys);
-  // Of discs the rim is the scan's own roughness: it stays, lest it have holes.
   raster.device()
       .kernel("rasterize", "rasterize_merge")
       .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, guest_keys,
-           config.reach, raster.primitives.discs ? 2 * config.reach : config.turn_reach,
-           raster.primitives.discs ? 2 * config.reach : config.open_reach);
+           config.reach, config.turn_reach, config.open_reach);
 }
 
 /// Tells the tiles which of their triangles they do not show.
@@ -359,13 +364,15 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
   const Primitives& primitives = raster.primitives;
   const Buffer<RasterTile> tiles(device, raster.tiles);
   const Runs own = own_runs(raster);
-  const Guests guests = guests_of(raster);
-  std::vector<Run> guest_runs;
-  for (std::uint32_t k = 0; k < raster.tiles.size(); ++k)
-    append_runs(guest_runs, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
-  const Runs visiting = {Buffer<Run>(device, guest_runs), static_cast<std::uint32_t>(guest_runs.size())};
-  merge_guests(raster, tiles, guests, visiting);
-  if (!primitives.discs) find_bare(raster, own, tiles, finished);
+  // Of discs there are none: the rim is the scan's own roughness and stays, lest it have holes.
+  Guests guests;
+  Runs visiting;
+  if (!primitives.discs) {
+    guests = guests_of(raster);
+    visiting = guest_runs(raster, guests);
+    merge_guests(raster, tiles, guests, visiting);
+    find_bare(raster, own, tiles, finished);
+  }
   const std::vector<std::uint16_t> heights = quantize(raster, tiles, finished);
 
   Buffer<std::uint32_t> normals(device, raster.texel_count), colors(device, raster.texel_count);
@@ -378,7 +385,7 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
              primitives.normals, primitives.colors, primitives.has_colors ? 1u : 0u, normals, colors);
   };
   signals(own, raster.partition.references, raster.own_reach());
-  signals(visiting, guests.primitives, raster.config.reach);
+  if (!primitives.discs) signals(visiting, guests.primitives, raster.config.reach);
 
   std::size_t first = texels.heights.size();
   for (Tile& tile : finished) {
