@@ -39,6 +39,8 @@ constexpr std::uint32_t kFloorPrimitives = 4;
 constexpr float kLeastArea = 1e-15f, kMostArea = 1e17f;
 /// Discs that lie further apart than this where they overlap are noise that a tile would not show as they do.
 constexpr float kNoiseTexels = 0.1f;
+/// Texels past a disc that it speaks for: the rim is the scan's own roughness, and must not have holes.
+constexpr float kDiscReach = 2;
 /// A mesh whose noise adds more than this to its area (primitives_smooth_areas) is noisy all over: how single
 /// triangles stand says nothing, and only steps and misses of more than kNoisyStep texels are worth a split.
 constexpr double kNoisyArea = 1.1;
@@ -100,6 +102,7 @@ bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
 RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool rims_apart,
                            bool is_noisy) {
   RasterConfig raster{.rims_apart = rims_apart, .rho = rho};
+  if (primitives.discs) raster.own_reach = raster.reach = kDiscReach;
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
   } else if (primitives.discs) {

@@ -152,7 +152,6 @@ struct Raster {
   const Device& device() const { return primitives.device; }
   std::size_t group() const { return job_group_size(primitives.device); }
   std::uint32_t discs() const { return primitives.discs ? 1 : 0; }
-  float own_reach() const { return primitives.discs ? config.reach : config.own_reach; }
   std::uint32_t tile_count() const { return static_cast<std::uint32_t>(tiles.size()); }
   const PartitionNode& node(std::size_t k) const { return partition.nodes[nodes[k]]; }
 };
@@ -208,8 +207,8 @@ std::vector<Tile> rasterize_heights(Raster& raster, const Runs& own, const std::
   const RasterConfig& config = raster.config;
   device.kernel("rasterize", "rasterize")
       .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
-           raster.primitives.shape, raster.discs(), raster.own_reach(), config.reach, raster.keys, lowest,
-           highest, device_faults);
+           raster.primitives.shape, raster.discs(), raster.config.own_reach, config.reach, raster.keys,
+           lowest, highest, device_faults);
   device.kernel("rasterize", "rasterize_faults")
       .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, lowest, highest,
            config.layer_gap, config.step_limit, device_faults);
@@ -384,7 +383,7 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
              reach, raster.config.reach, raster.keys, primitives.order, primitives.indices,
              primitives.normals, primitives.colors, primitives.has_colors ? 1u : 0u, normals, colors);
   };
-  signals(own, raster.partition.references, raster.own_reach());
+  signals(own, raster.partition.references, raster.config.own_reach);
   if (!primitives.discs) signals(visiting, guests.primitives, raster.config.reach);
 
   std::size_t first = texels.heights.size();

@@ -36,8 +36,8 @@ struct RasterConfig {
   bool rims_apart = false;  ///< what touches the surface's rim is not in tiles
   float rho = 0;            ///< texels per unit of area, scan units: the paper's rho / total area
   float fill = 1.5f;        ///< the tile's rectangle is taken to be so much larger than what is covered of it
-  float own_reach = 1.0f;   ///< texels past a triangle that it speaks for; a disc: `reach`
-  float reach = 2.0f;       ///< texels past a tile's primitives that its neighbours' may speak for
+  float own_reach = 1.0f;   ///< texels past a primitive that it speaks for
+  float reach = 1.5f;       ///< texels past a tile's primitives that its neighbours' may speak for
   float turn_reach = 1.2f;  ///< where they turn away: over a crest, say
   float open_reach = 0.6f;  ///< where nothing does: the surface ends there
   float rim_reach = 0.45f;  ///< texels past a rim that is not in tiles that they may reach
