@@ -254,13 +254,12 @@ std::vector<std::uint32_t> part_rims(Partition& own, const Primitives& primitive
   return kept;
 }
 
-/// Triangles that their tiles do not show are to be kept beside them, in leaves of their own. A tile that
-/// shows none becomes one.
-std::vector<SplitRequest> part_bare(Partition& own, std::vector<Tile>& tiles, std::size_t first_tile) {
+/// Parts triangles that their tiles do not show from them: the nodes returned are to be leaves of their own.
+/// A tile that shows none is one already.
+std::vector<std::uint32_t> part_bare(Partition& own, const Primitives& primitives, std::span<Tile> tiles) {
   std::vector<SplitRequest> requests;
   std::vector<std::uint32_t> references;
-  for (std::size_t k = first_tile; k < tiles.size(); ++k) {
-    Tile& tile = tiles[k];
+  for (Tile& tile : tiles) {
     if (tile.is_exact || tile.bare.empty()) continue;
     const PartitionNode& node = own.nodes[tile.node];
     const auto count = static_cast<std::uint32_t>(tile.bare.size());
@@ -275,10 +274,15 @@ std::vector<SplitRequest> part_bare(Partition& own, std::vector<Tile>& tiles, st
     std::sort(bare.begin(), bare.end());
     std::copy(shown.begin(), shown.end(),
               std::copy(bare.begin(), bare.end(), references.begin() + node.begin));
+    tile.leaf.primitives -= count;
     requests.push_back({.node = tile.node, .by = SplitBy::kFirst, .first = count});
   }
   if (!requests.empty()) own.references.write(std::span<const std::uint32_t>(references));
-  return requests;
+  split_once(own, primitives, requests);
+  std::vector<std::uint32_t> parted;
+  for (const SplitRequest& request : requests)
+    parted.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left));
+  return parted;
 }
 
 Level build_level(const Device& device, const Primitives& primitives, const Partition& partition,
@@ -334,18 +338,16 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
       }
     clock.lap(time.rasterize);
     if (is_first && !requests.empty()) sort_references(own, requests);
-    std::vector<SplitRequest> parting;
-    if (hybrid == Hybrid::kAuto) parting = part_bare(own, tiles, first_tile);
-    parting.insert(parting.end(), requests.begin(), requests.end());
-    split_once(own, primitives, parting);
+    split_once(own, primitives, requests);
     leaves.clear();
-    for (const SplitRequest& request : parting) {
-      const auto left = static_cast<std::uint32_t>(own.nodes[request.node].left);
-      leaves.push_back(left);
-      if (request.by == SplitBy::kFirst || bare.contains(request.node)) bare.insert(left);
-      if (request.by == SplitBy::kFirst) continue;
-      leaves.push_back(left + 1);
-      if (bare.contains(request.node)) bare.insert(left + 1);
+    append_children(own, requests, leaves);
+    for (std::size_t k = 0; k < requests.size(); ++k)
+      if (bare.contains(requests[k].node)) bare.insert({leaves[2 * k], leaves[2 * k + 1]});
+    if (hybrid == Hybrid::kAuto) {
+      const std::vector<std::uint32_t> parted =
+          part_bare(own, primitives, std::span(tiles).subspan(first_tile));
+      bare.insert(parted.begin(), parted.end());
+      leaves.insert(leaves.end(), parted.begin(), parted.end());
     }
     clock.lap(time.partition);
   }

@@ -187,6 +187,9 @@ TEST(Properties, WhatNoTileShowsIsKept) {
     BuildConfig config;
     config.levels = {{"Q", 2e4f, 0.75f, 55}};  // a texel a triangle
     const Level level = build_rbvh(device, scan, config).levels[0];
+    std::size_t primitives = 0;
+    for (const RbvhLeaf& leaf : level.leaves) primitives += leaf.primitives;
+    EXPECT_EQ(primitives, scan.triangles.size()) << "trial " << trial;
     std::set<std::array<float, 9>> kept;  // corners of triangles
     std::vector<bool> is_exact(level.leaves.size());
     for (const RbvhExactLeaf& exact : level.exact_leaves) {
