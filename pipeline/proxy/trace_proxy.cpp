@@ -321,7 +321,7 @@ class Cast {
     const std::uint32_t most = std::min({state_.config.pairs, 1u << std::min(2 * round, 8), room});
     PhaseWatch watch(device_, state_.stats.timed);
     const bool at_once = state_.config.at_once,
-               packets = round == 0 && state_.config.packets && at_once && any_ == 0 && device_.info().is_cpu;
+               packets = state_.config.packets && at_once && device_.info().is_cpu;
     const auto [pairs, listed] = cast_top(round == 0 ? Buffer<std::uint32_t>() : state_.active, range_,
                                           active, most, at_once, packets);
     state_.stats.top += watch.lap();
