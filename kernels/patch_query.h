@@ -201,20 +201,27 @@ static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, ui
   }
   const float16 s = convert_float16(vi) / (float)n, t = convert_float16(vj) / (float)n;
   const float16 s1 = 1.0f - s, t1 = 1.0f - t;
-  int texel[16];
-  vstore16(((vj << shift) * (int)p->row + (vi << shift)) * 3, 0, texel);
+  const int16 texel = ((vj << shift) * (int)p->row + (vi << shift)) * 3;
   __global const float* first = tree->map + 3 * (size_t)p->texels;
   float place[3][16];
   for (uint axis = 0; axis < 3; ++axis) {
-    float d[16];
-    for (uint lane = 0; lane < 16; ++lane) d[lane] = first[texel[lane] + (int)axis];
     const float16 base = (p->corners[0][axis] * s1 + p->corners[1][axis] * s) * t1 +
                          (p->corners[3][axis] * s1 + p->corners[2][axis] * s) * t;
-    vstore16(base + vload16(0, d), 0, place[axis]);
+    vstore16(base + gather_floats16(first + axis, texel), 0, place[axis]);
   }
   const float16 z = vload16(0, place[q->kz]) - q->origin[q->kz];
   *x = (vload16(0, place[q->kx]) - q->origin[q->kx]) - q->sx * z;
   *y = (vload16(0, place[q->ky]) - q->origin[q->ky]) - q->sy * z;
+}
+
+// Asks for what sheared_row() reads.
+static inline void ask_for_row(const PatchTree* tree, uint i, uint j) {
+#if defined(__clang__) && defined(__AVX512VL__)
+  __global const Patch* p = tree->patch;
+  const uint shift = p->level - tree->level;
+  const char* at = (const char*)(size_t)(tree->map + 3 * ((size_t)p->texels + (j << shift) * p->row + (i << shift)));
+  for (uint k = 0; k < (192u << shift); k += 64) __builtin_prefetch(at + k);
+#endif
 }
 
 // Whether the ray goes through a triangle or along its edge, by the signed areas between it and the edges; as bits.
@@ -243,6 +250,7 @@ static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, floa
       float16 x0, y0, x1, y1;
       sheared_row(tree, q, i, top, &x0, &y0);
       for (uint j = top; j < top + part_side; ++j) {
+        ask_for_row(tree, i, min(j + 6, top + part_side));
         sheared_row(tree, q, i, j + 1, &x1, &y1);
         // Lane k: the side from vertex k to k + 1, the one up from vertex k, and the diagonal.
         const uint16 shifted = (uint16)(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15);

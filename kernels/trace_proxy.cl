@@ -267,18 +267,19 @@ static inline uint ray_number(__global const uint* active, RayRange range, uint 
   return range.first + min(i * range.stride + range.stride / 2, range.count - 1);
 }
 
-// Rays active[i] go on from `progress`, with `hits` as what was found before; without `active`, those of `range` begin.
+// The first active_count rays of `active` go on from `progress`, with `hits` as what was found before; without them, those
+// of `range` begin. There are at most most_count.
 #define CAST_TOP_ARGUMENTS                                                                                             \
   __global const ExactNode *nodes, ExactScene top, __global const PatchInstance *instances,                            \
       __global const Patch *patches, __global const PatchParts *parts, __global const PatchSlot *slots,                \
       __global const PatchBlock *cache, __global const uint *links, __global const Ray *rays,                          \
-      __global const uint *active, RayRange range, uint count, uint any, uint at_once, uint most, RayDetail detail,    \
-      __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,          \
+      __global const uint *active, __global const uint *active_count, RayRange range, uint most_count, uint any,       \
+      uint at_once, uint most, RayDetail detail, __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,          \
       __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed, __global uint *counts,           \
       __global uint *steps
 
 __kernel void cast_top(CAST_TOP_ARGUMENTS) {
-  const uint i = (uint)get_global_id(0);
+  const uint i = (uint)get_global_id(0), count = active ? *active_count : most_count;
   if (i >= count) return;
   const uint r = ray_number(active, range, i);
   const Ray ray = rays[r];
@@ -580,7 +581,7 @@ static inline void meet_all_packet(const Scene* scene, const ExactScene* top, co
 // cast_top(), 16 rays a work-item. Neighbours' nearest hits are looked for together; what they visit so each of them
 // counts.
 __kernel void cast_top_packets(CAST_TOP_ARGUMENTS) {
-  const uint begin = PACKET * (uint)get_global_id(0);
+  const uint begin = PACKET * (uint)get_global_id(0), count = active ? *active_count : most_count;
   if (begin >= count) return;
   const uint here = min((uint)PACKET, count - begin);
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
