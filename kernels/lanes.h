@@ -33,6 +33,14 @@ static inline int16 gather16(__global const ushort* from, int16 at) {
 }
 #endif
 
+// Asks for memory that will be read soon.
+#if defined(__clang__) && defined(__AVX512VL__)
+#define ASK(from, bytes) \
+  for (uint line = 0; line < (bytes); line += 64) __builtin_prefetch((const char*)(size_t)(from) + line)
+#else
+#define ASK(from, bytes) (void)0
+#endif
+
 static inline float greatest(float16 v) {
   const float8 v8 = max(v.lo, v.hi);
   const float4 v4 = max(v8.lo, v8.hi);

@@ -216,12 +216,9 @@ static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, ui
 
 // Asks for what sheared_row() reads.
 static inline void ask_for_row(const PatchTree* tree, uint i, uint j) {
-#if defined(__clang__) && defined(__AVX512VL__)
   __global const Patch* p = tree->patch;
   const uint shift = p->level - tree->level;
-  const char* at = (const char*)(size_t)(tree->map + 3 * ((size_t)p->texels + (j << shift) * p->row + (i << shift)));
-  for (uint k = 0; k < (192u << shift); k += 64) __builtin_prefetch(at + k);
-#endif
+  ASK(tree->map + 3 * ((size_t)p->texels + (j << shift) * p->row + (i << shift)), 192u << shift);
 }
 
 // Whether the ray goes through a triangle or along its edge, by the signed areas between it and the edges; as bits.
@@ -250,7 +247,7 @@ static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, floa
       float16 x0, y0, x1, y1;
       sheared_row(tree, q, i, top, &x0, &y0);
       for (uint j = top; j < top + part_side; ++j) {
-        ask_for_row(tree, i, min(j + 6, top + part_side));
+        ask_for_row(tree, i, min(j + 6, top + part_side));  // rows are far from each other, too
         sheared_row(tree, q, i, j + 1, &x1, &y1);
         // Lane k: the side from vertex k to k + 1, the one up from vertex k, and the diagonal.
         const uint16 shifted = (uint16)(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15);
@@ -386,16 +383,7 @@ static ALWAYS_INLINE uint meet_leaves(const PatchTree* tree, uint b, const Query
 
 // What a ray will soon read is far away: several blocks are asked for at once.
 static inline void ask_for(__global const PatchBlock* blocks, uint first, uint mask) {
-#if defined(__clang__) && defined(__AVX512VL__)
-  for (; mask != 0; mask &= mask - 1) {
-    const char* block = (const char*)(size_t)(blocks + first + lowest_bit(mask));
-    __builtin_prefetch(block);
-    __builtin_prefetch(block + 64);
-    __builtin_prefetch(block + 128);
-    __builtin_prefetch(block + 192);
-    __builtin_prefetch(block + 256);
-  }
-#endif
+  for (; mask != 0; mask &= mask - 1) ASK(blocks + first + lowest_bit(mask), sizeof(PatchBlock));
 }
 
 // Where to begin in a patch of level 2 or more, of whose 16 parts `parts` are met; 0: nowhere.

@@ -235,7 +235,7 @@ static inline uint square_pixel(uint at, uint count, uint row) {
 }
 
 // Where pairs go: behind each other. Rays with pairs are listed; those of the list's i-th are from ranges[i].x on,
-// ranges[i].y of them. counts: of pairs, and of such rays.
+// ranges[i].y of them. counts: of pairs, of such rays, and of the rays that go on from the round before.
 typedef struct Pairs {
   __global uint *keys, *rays, *places, *counts, *listed;
   __global uint2* ranges;
@@ -267,19 +267,19 @@ static inline uint ray_number(__global const uint* active, RayRange range, uint 
   return range.first + min(i * range.stride + range.stride / 2, range.count - 1);
 }
 
-// The first active_count rays of `active` go on from `progress`, with `hits` as what was found before; without them, those
-// of `range` begin. There are at most most_count.
+// The first counts[2] rays of `active` go on from `progress`, with `hits` as what was found before; without `active` those
+// of `range` begin. There are at most most_rays.
 #define CAST_TOP_ARGUMENTS                                                                                             \
   __global const ExactNode *nodes, ExactScene top, __global const PatchInstance *instances,                            \
       __global const Patch *patches, __global const PatchParts *parts, __global const PatchSlot *slots,                \
       __global const PatchBlock *cache, __global const uint *links, __global const Ray *rays,                          \
-      __global const uint *active, __global const uint *active_count, RayRange range, uint most_count, uint any,       \
-      uint at_once, uint most, RayDetail detail, __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,          \
-      __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed, __global uint *counts,           \
-      __global uint *steps
+      __global const uint *active, RayRange range, uint most_rays, uint any, uint at_once, uint most,                  \
+      RayDetail detail, __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys,                  \
+      __global uint *pair_rays, __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed,        \
+      __global uint *counts, __global uint *steps
 
 __kernel void cast_top(CAST_TOP_ARGUMENTS) {
-  const uint i = (uint)get_global_id(0), count = active ? *active_count : most_count;
+  const uint i = (uint)get_global_id(0), count = active ? counts[2] : most_rays;
   if (i >= count) return;
   const uint r = ray_number(active, range, i);
   const Ray ray = rays[r];
@@ -295,11 +295,11 @@ __kernel void cast_top(CAST_TOP_ARGUMENTS) {
 }
 
 #ifdef WIDE
-// A ray that others take turns with: what it reads next is far away, and while it is on its way they go on. It goes
-// the way of meet_all().
+// Rays that do not stay together read what is far away, each alone: sixteen take turns, and while what one reads next is on
+// its way the others go on. Each goes the way of meet_all().
 typedef struct Turn {
-  uint current;
-  uint stage;
+  uint current;  // what is next: a node, a leaf, or in a patch what VISIT() makes
+  uint stage;    // AT_*
   uint depths[2], patch_depth;
   __global const PatchInstance* instance;
   Query queries[2];  // among instances, among an instance's patches
@@ -308,21 +308,16 @@ typedef struct Turn {
   float stacks_t[2][STACK], patch_stack_t[PATCH_STACK];
 } Turn;
 
+// Above the patches: which of the two hierarchies it is in.
 #define AT_INSTANCES 0
 #define AT_PATCHES 1
 
-// What a ray waits for.
+// What it waits for. Those that wait for the same go on together, which the processor foresees better.
 #define WAITS_NOTHING 0
 #define WAITS_PATCH 1
 #define WAITS_BLOCK 2
 #define WAITS_LEAVES 3
 #define WAITS 4
-
-static inline void ask_lines(const void* at, uint lines) {
-#if defined(__clang__) && defined(__AVX512VL__)
-  for (uint i = 0; i < lines; ++i) __builtin_prefetch((const char*)at + 64 * i);
-#endif
-}
 
 // False where the ray can hit nothing there.
 static inline bool enter_instance(const Scene* scene, uint at, Turn* turn, Search* s) {
@@ -364,14 +359,15 @@ static uint go_to_patch(const Scene* scene, Turn* turn, Search* s, bool is_done)
       is_done = !enter_instance(scene, turn->current & ~EXACT_LEAF_BIT, turn, s);
     } else {
       const uint patch = turn->instance->first_patch + (turn->current & ~EXACT_LEAF_BIT);
-      ask_lines((const void*)(size_t)(scene->patches + patch), 2);
-      ask_lines((const void*)(size_t)(scene->parts + patch), 3);
-      ask_lines((const void*)(size_t)(scene->slots + patch), 1);
+      ASK(scene->patches + patch, sizeof(Patch));
+      ASK(scene->parts + patch, sizeof(PatchParts));
+      ASK(scene->slots + patch, sizeof(PatchSlot));
       return WAITS_PATCH;
     }
   }
 }
 
+// In a patch or, where that is done with, out of it and on.
 static inline uint go_to_block(const Scene* scene, Turn* turn, Search* s) {
   if (turn->current != 0) return (turn->current >> 24 & 15) == turn->in.tree.level ? WAITS_LEAVES : WAITS_BLOCK;
   leave_patch(turn->instance, &turn->in, s);
@@ -384,7 +380,8 @@ static inline uint take_patch(const Scene* scene, Turn* turn, Search* s) {
   float16 entry;
   const uint patch = turn->instance->first_patch + (turn->current & ~EXACT_LEAF_BIT);
   turn->current = 0;
-  if (!enter_patch(scene, turn->instance, patch, q, s, &turn->in, &parts, &entry)) return go_to_patch(scene, turn, s, true);
+  if (!enter_patch(scene, turn->instance, patch, q, s, &turn->in, &parts, &entry))
+    return go_to_patch(scene, turn, s, true);
   if (turn->in.tree.level < 2) {
     s->visited += meet_few_leaves(&turn->in.tree, q, &turn->in.found);
   } else {
@@ -402,7 +399,7 @@ static inline uint take_block(const Scene* scene, Turn* turn, Search* s) {
   return go_to_block(scene, turn, s);
 }
 
-// Rays' ways from where `rays` are: in instance `at` or, if that is RBVH_NO_LEAF, among instances in `box`.
+// Sixteen rays from `root` on: of instance `at`, whose space `rays` and `box` are in, or of everything (RBVH_NO_LEAF).
 static void meet_in_turn(const Scene* scene, const ExactScene* box, uint root, uint at, const RayLanes* rays, Search* s) {
   Turn turns[PACKET];
   QueryLanes queries;
@@ -581,7 +578,7 @@ static inline void meet_all_packet(const Scene* scene, const ExactScene* top, co
 // cast_top(), 16 rays a work-item. Neighbours' nearest hits are looked for together; what they visit so each of them
 // counts.
 __kernel void cast_top_packets(CAST_TOP_ARGUMENTS) {
-  const uint begin = PACKET * (uint)get_global_id(0), count = active ? *active_count : most_count;
+  const uint begin = PACKET * (uint)get_global_id(0), count = active ? counts[2] : most_rays;
   if (begin >= count) return;
   const uint here = min((uint)PACKET, count - begin);
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
@@ -720,7 +717,7 @@ __kernel void add_steps(__global const uint* active, uint count, __global const 
 __kernel void take_hits(__global const uint* active, uint count, uint any,
                         __global const uint2* pair_ranges, __global const Hit* pair_hits, NEAREST nearest,
                         __global const RayProgress* progress, __global Hit* hits, __global uint* next_active,
-                        __global uint* next_count) {
+                        __global uint* next_counts) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
   const uint r = active[i];
@@ -745,5 +742,5 @@ __kernel void take_hits(__global const uint* active, uint count, uint any,
 #endif
   const float next_t = progress[r].next_t;
   const bool goes_on = next_t < INFINITY && hit.t >= next_t && !(any && hit.leaf != RBVH_NO_LEAF);
-  if (goes_on) next_active[atomic_inc(next_count)] = r;
+  if (goes_on) next_active[atomic_inc(next_counts + 2)] = r;
 }

@@ -119,7 +119,8 @@ struct ProxyTracerState {
   std::size_t scratch_rays = 0;
   Buffer<RayProgress> progress;
   Buffer<std::uint32_t> active, listed;  ///< rays that go on; those that have pairs
-  Buffer<std::uint32_t> pair_keys, pair_rays, pair_places, pair_steps, pair_ranges, counts;
+  Buffer<std::uint32_t> pair_keys, pair_rays, pair_places, pair_steps, pair_ranges;
+  Buffer<std::uint32_t> counts[2];  ///< of a round and of the next: pairs, rays with pairs, rays that begin
   Buffer<Ray> camera_rays;
   Buffer<Hit> pair_hits;
   Buffer<std::uint32_t> nearest;  ///< 64 bits a ray, or nothing
@@ -277,7 +278,7 @@ class Cast {
   /// not be gathered.
   void scout(const RayRange& range, std::uint32_t count) {
     PhaseWatch watch(device_, state_.stats.timed);
-    const std::uint32_t pairs = cast_top({}, range, count, 1, false, false)[0];
+    const std::uint32_t pairs = cast_top(0, range, count, 1, false, false).pairs;
     state_.stats.top += watch.lap();
     std::vector<std::uint32_t>& keys = state_.keys;
     read_keys(pairs);
@@ -299,28 +300,31 @@ class Cast {
         1);
   }
 
-  /// The first next_count_ rays of `list`, at most `active`, go on; without it those of `range` begin.
-  /// Returns the numbers of pairs, and of rays that have some.
-  std::array<std::uint32_t, 2> cast_top(const Buffer<std::uint32_t>& list, const RayRange& range,
-                                        std::uint32_t active, std::uint32_t most, bool at_once,
-                                        bool packets) {
+  struct Counts {
+    std::uint32_t pairs, listed;  ///< rays that have pairs
+    std::uint32_t active;         ///< rays that went on
+  };
+
+  /// In round 0 the rays of `range` begin, in later ones those go on that the round before has left, at most
+  /// `active`.
+  Counts cast_top(int round, const RayRange& range, std::uint32_t active, std::uint32_t most, bool at_once,
+                  bool packets) {
     upload_slots(state_);
-    state_.counts.fill(0);
+    Buffer<std::uint32_t>& device_counts = state_.counts[round % 2];
+    if (round == 0) device_counts.fill(0);
     device_.kernel("trace_proxy", packets ? "cast_top_packets" : "cast_top", state_.options)
         .run(packets ? (active + kPacket - 1) / kPacket : active, packets ? kPacketGroup : kRayGroup,
              state_.nodes, state_.top, state_.device_instances, state_.device_patches, state_.device_parts,
-             state_.device_slots, state_.cache_memory, state_.links, rays_, list,
-             list.size() > 0 ? next_count_ : Buffer<std::uint32_t>(), range, active, any_, at_once ? 1u : 0u,
+             state_.device_slots, state_.cache_memory, state_.links, rays_,
+             round == 0 ? Buffer<std::uint32_t>() : state_.active, range, active, any_, at_once ? 1u : 0u,
              most, state_.ray_detail, hits_, state_.progress, state_.pair_keys, state_.pair_rays,
-             state_.pair_places, state_.pair_ranges, state_.listed, state_.counts, steps_);
+             state_.pair_places, state_.pair_ranges, state_.listed, device_counts, steps_);
     state_.keys.resize(std::min<std::size_t>(kFewPairs, state_.pair_keys.size()));
     state_.pair_keys.enqueue_read(state_.keys);  // most often that is all of them
-    going_on_ = active;
-    if (list.size() > 0) next_count_.enqueue_read(std::span(&going_on_, 1));
-    std::array<std::uint32_t, 2> counts{};
-    state_.counts.read(counts);
+    std::array<std::uint32_t, 3> counts{};
+    device_counts.read(counts);
     has_sent_ = false;
-    return counts;
+    return {counts[0], counts[1], counts[2]};
   }
 
   /// After cast_top().
@@ -338,10 +342,9 @@ class Cast {
     PhaseWatch watch(device_, state_.stats.timed);
     const bool at_once = state_.config.at_once,
                packets = state_.config.packets && at_once && device_.info().is_cpu;
-    const auto [pairs, listed] = cast_top(round == 0 ? Buffer<std::uint32_t>() : state_.active, range_,
-                                          active, most, at_once, packets);
+    const auto [pairs, listed, went_on] = cast_top(round, range_, active, most, at_once, packets);
     state_.stats.top += watch.lap();
-    if (going_on_ > 0) ++state_.stats.rounds;
+    if (round == 0 || went_on > 0) ++state_.stats.rounds;
     if (pairs == 0) return 0;
     state_.stats.pairs += pairs;
 
@@ -349,18 +352,20 @@ class Cast {
     state_.stats.sort += watch.lap();
 
     make_jobs(state_.keys, watch);
-    next_count_.fill(0);
+    Buffer<std::uint32_t>& next_counts = state_.counts[(round + 1) % 2];
+    next_counts.fill(0);
     device_.kernel("trace_proxy", "take_hits", state_.options)
         .run(listed, kRayGroup, state_.listed, listed, any_, state_.pair_ranges, state_.pair_hits,
-             state_.nearest, state_.progress, hits_, state_.active, next_count_);
+             state_.nearest, state_.progress, hits_, state_.active, next_counts);
     if (pair_steps_.size() > 0)
       device_.kernel("trace_proxy", "add_steps", state_.options)
           .run(listed, kRayGroup, state_.listed, listed, state_.pair_ranges, pair_steps_, steps_);
     state_.stats.cast += watch.lap();
     if (listed <= kFewPairs) return listed;
-    next_count_.read(std::span(&going_on_, 1));
+    std::uint32_t going_on = 0;
+    next_counts.read(std::span(&going_on, 1), 2);
     has_sent_ = false;
-    return going_on_;
+    return going_on;
   }
 
   /// Afterwards the keys are in ascending order.
@@ -396,12 +401,14 @@ class Cast {
       if (built && !provide(patch)) {
         flush(watch);
         built = provide(patch);
-        if (!built && !can_do_without(patch))
+        if (!built && !can_do_without(patch)) {
+          device_.finish();  // what is on its way must not go
           throw Error(ExitCode::kBudget, {},
                       "a patch of " + std::to_string(1u << state_.wanted[patch].level) +
                           " micro-quads a side needs " +
                           std::to_string(std::size_t{blocks_of(patch)} * sizeof(PatchBlock)) +
                           " bytes, more than the patch cache has; make that larger");
+        }
       }
       if (!built) state_.stats.unbuilt_rays += end - first;
       const PatchSlot slot =
@@ -502,10 +509,9 @@ class Cast {
   std::uint32_t any_;
   RayRange range_{};
   Buffer<std::uint32_t> steps_, pair_steps_;
-  Buffer<std::uint32_t> queue_{device_, 1}, next_count_{device_, 1};
+  Buffer<std::uint32_t> queue_{device_, 1};
   std::vector<std::uint8_t> needed_;  ///< patches of the jobs that wait
-  std::uint32_t going_on_ = 0;
-  bool has_sent_ = false;  ///< what is not known to have arrived
+  bool has_sent_ = false;             ///< what is not known to have arrived
   std::vector<PatchCache::Entry> evicted_;
 };
 
@@ -631,7 +637,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.cache = PatchCache(static_cast<std::uint32_t>(
       std::min<std::size_t>(config.cache_bytes / sizeof(PatchBlock), 0xfffffff0u)));
   state.cache_memory = {device, state.cache.capacity()};
-  state.counts = {device, 2};
+  for (Buffer<std::uint32_t>& counts : state.counts) counts = {device, 3};
   state.options = group_options(device) + " -DSTACK=" + std::to_string((stack + 63) / 64 * 64) +
                   " -DMOST=" + std::to_string(kMostPairs) + (state.config.atomics ? " -DATOMICS" : "");
   set_detail(tracer);
