@@ -1,4 +1,4 @@
-// A comparison's lanes as bits, lane 0 lowest, sixteen scattered 16-bit numbers, the greatest lane. OpenCL C has no
+// A comparison's lanes as bits, lane 0 lowest, sixteen scattered numbers, the greatest lane. OpenCL C has no
 // words for them; where the compiler is clang for AVX-512 (PoCL), its own words are one instruction each.
 #ifndef RBVH_LANES_H
 #define RBVH_LANES_H
@@ -10,7 +10,15 @@ static inline uint lane_bits16(int16 lanes) { return (ushort)__builtin_ia32_cvtd
 static inline int16 gather16(__global const ushort* from, int16 at) {
   return __builtin_ia32_gathersiv16si((int16)(0), (const void*)(size_t)from, at, (ushort)0xffff, 2) & 0xffff;
 }
+static inline float16 gather_floats16(__global const float* from, int16 at) {
+  return __builtin_ia32_gathersiv16sf((float16)(0), (const void*)(size_t)from, at, (ushort)0xffff, 4);
+}
 #else
+static inline float16 gather_floats16(__global const float* from, int16 at) {
+  return (float16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6],
+                   from[at.s7], from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd],
+                   from[at.se], from[at.sf]);
+}
 static inline uint lane_bits8(int8 lanes) {
   const int8 bits = lanes & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
   const int4 b4 = bits.lo | bits.hi;
@@ -23,6 +31,14 @@ static inline int16 gather16(__global const ushort* from, int16 at) {
                  from[at.s7], from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd],
                  from[at.se], from[at.sf]);
 }
+#endif
+
+// Asks for memory that will be read soon.
+#if defined(__clang__) && defined(__AVX512VL__)
+#define ASK(from, bytes) \
+  for (uint line = 0; line < (bytes); line += 64) __builtin_prefetch((const char*)(size_t)(from) + line)
+#else
+#define ASK(from, bytes) (void)0
 #endif
 
 static inline float greatest(float16 v) {

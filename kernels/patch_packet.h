@@ -72,6 +72,68 @@ static inline uint lanes_that_meet(const RayLanes* rays, const ExactScene* box, 
   return lane_bits16(enter <= leave) & rays->used;
 }
 
+// What prepare() makes of rays, side by side; `valid`: those that can hit anything, as bits.
+typedef struct QueryLanes {
+  float origin[3][PACKET], direction[3][PACKET], tmin[PACKET];
+  float sx[PACKET], sy[PACKET], sz[PACKET];
+  float inverse[3][PACKET], near_offset[3][PACKET], far_offset[3][PACKET];
+  uint kz[PACKET];
+  uint valid;
+} QueryLanes;
+
+// The same arithmetic as prepare().
+static inline void prepare_lanes(const RayLanes* rays, const ExactScene* scene, QueryLanes* q) {
+  const float16 *o = rays->origin, *d = rays->direction;
+  int16 valid = rays->tmin <= rays->tmax;
+  float16 reach = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    valid &= isfinite(o[axis]) & isfinite(d[axis]);
+    reach = max(reach, max(fabs(o[axis]), max(fabs(scene->lo[axis] - o[axis]), fabs(scene->hi[axis] - o[axis]))));
+  }
+  const float16 x = fabs(d[0]), y = fabs(d[1]), z = fabs(d[2]), xy = y > x ? y : x;
+  const int16 is_y = y > x, is_z = z > xy;
+  const float16 longest = is_z ? z : xy;
+  q->valid = lane_bits16(valid & (longest > 0.0f)) & rays->used;
+#define ALONG(first, second, third) (is_z ? (third) : is_y ? (second) : (first))
+  vstore16(ALONG((uint16)(0), (uint16)(1), (uint16)(2)), 0, q->kz);
+  const float16 along = ALONG(d[0], d[1], d[2]);
+  vstore16(ALONG(d[1], d[2], d[0]) / along, 0, q->sx);
+  vstore16(ALONG(d[2], d[0], d[1]) / along, 0, q->sy);
+#undef ALONG
+  vstore16(1.0f / along, 0, q->sz);
+  vstore16(rays->tmin, 0, q->tmin);
+  const float16 margin = 1.2e-6f * reach;  // error_bound()
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float16 inverse = select(copysign(1e18f / longest, d[axis]), 1.0f / d[axis], fabs(d[axis]) > 1e-18f * longest);
+    const float16 outwards = copysign(margin, inverse);
+    vstore16(o[axis], 0, q->origin[axis]);
+    vstore16(d[axis], 0, q->direction[axis]);
+    vstore16(inverse, 0, q->inverse[axis]);
+    vstore16(-(o[axis] + outwards) * inverse, 0, q->near_offset[axis]);
+    vstore16(-(o[axis] - outwards) * inverse, 0, q->far_offset[axis]);
+  }
+}
+
+// Ray i's.
+static inline void query_of(const QueryLanes* lanes, uint i, Query* q) {
+  for (uint axis = 0; axis < 3; ++axis) {
+    q->origin[axis] = lanes->origin[axis][i];
+    q->direction[axis] = lanes->direction[axis][i];
+    q->inverse[axis] = lanes->inverse[axis][i];
+    q->near_offset[axis] = lanes->near_offset[axis][i];
+    q->far_offset[axis] = lanes->far_offset[axis][i];
+    q->near_row[axis] = q->inverse[axis] < 0.0f ? axis + 3 : axis;
+    q->far_row[axis] = q->inverse[axis] < 0.0f ? axis : axis + 3;
+  }
+  q->tmin = lanes->tmin[i];
+  q->kz = lanes->kz[i];
+  q->kx = q->kz == 2 ? 0 : q->kz + 1;
+  q->ky = q->kz == 0 ? 2 : q->kz - 1;
+  q->sx = lanes->sx[i];
+  q->sy = lanes->sy[i];
+  q->sz = lanes->sz[i];
+}
+
 // Rays, prepared; those that can hit anything agree in their longest axis and in all signs.
 typedef struct Packet {
   Query rays[PACKET];  // what micro-quads are met by; all of it for those that are `whole`, as bits
@@ -258,10 +320,8 @@ static inline uint meet_leaves_packet(const PatchTree* tree, uint at, const Pack
   load_grid(tree, b, p->rays, &grid);
   for (; rays != 0; rays &= rays - 1) {
     const uint i = lowest_bit(rays);
-    for (uint near = may_meet16(&grid, p->rays + i); near != 0; near &= near - 1) {
-      ++met;
-      if (meet_micro_quad(tree, PATCH_WIDTH * b + lowest_bit(near), p->rays + i, found + i)) limits[i] = found[i].t;
-    }
+    met += meet_grid(tree, b, &grid, p->rays + i, 0, found + i);
+    limits[i] = found[i].t;
   }
   return met;
 }

@@ -12,6 +12,9 @@
 // Entries that a traversal by 16s can have waiting: 15 every other level, and the 16 parts.
 #define PATCH_STACK 112
 
+// PoCL's compiler would pass vectors of 16 through memory.
+#define ALWAYS_INLINE inline __attribute__((always_inline))
+
 // The nearest hit so far.
 typedef struct PatchFound {
   float t;
@@ -59,7 +62,7 @@ static inline PatchRay patch_ray(__global const Patch* p, const Query* q) {
 }
 
 // 16 boxes of quanta, as meet_children().
-static inline uint meet_planes16(__global const ushort (*planes)[PATCH_WIDTH], const Query* q, const PatchRay* r,
+static ALWAYS_INLINE uint meet_planes16(__global const ushort (*planes)[PATCH_WIDTH], const Query* q, const PatchRay* r,
                                  float limit, float16* entry) {
 #define PLANES(row, i, offset) \
   mad(convert_float16(vload16(0, planes[q->row[i]])), (float16)(r->scale[i]), (float16)(r->offset[i]))
@@ -198,28 +201,29 @@ static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, ui
   }
   const float16 s = convert_float16(vi) / (float)n, t = convert_float16(vj) / (float)n;
   const float16 s1 = 1.0f - s, t1 = 1.0f - t;
-  int texel[16];
-  vstore16(((vj << shift) * (int)p->row + (vi << shift)) * 3, 0, texel);
+  const int16 texel = ((vj << shift) * (int)p->row + (vi << shift)) * 3;
   __global const float* first = tree->map + 3 * (size_t)p->texels;
   float place[3][16];
   for (uint axis = 0; axis < 3; ++axis) {
-    float d[16];
-    for (uint lane = 0; lane < 16; ++lane) d[lane] = first[texel[lane] + (int)axis];
     const float16 base = (p->corners[0][axis] * s1 + p->corners[1][axis] * s) * t1 +
                          (p->corners[3][axis] * s1 + p->corners[2][axis] * s) * t;
-    vstore16(base + vload16(0, d), 0, place[axis]);
+    vstore16(base + gather_floats16(first + axis, texel), 0, place[axis]);
   }
   const float16 z = vload16(0, place[q->kz]) - q->origin[q->kz];
   *x = (vload16(0, place[q->kx]) - q->origin[q->kx]) - q->sx * z;
   *y = (vload16(0, place[q->ky]) - q->origin[q->ky]) - q->sy * z;
 }
 
-// Whether the ray goes through one of the triangles a b c and a c d, or on an edge: by the signed areas between it and the
-// edges ab, bc, cd, da, and the diagonal ac.
-static inline uint inside_either(float16 ab, float16 bc, float16 cd, float16 da, float16 ac) {
-  const int16 out_abc = ((ab < 0.0f) | (bc < 0.0f) | (ac > 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ac < 0.0f));
-  const int16 out_acd = ((ac < 0.0f) | (cd < 0.0f) | (da < 0.0f)) & ((ac > 0.0f) | (cd > 0.0f) | (da > 0.0f));
-  return lane_bits16(~(out_abc & out_acd));
+// Asks for what sheared_row() reads.
+static inline void ask_for_row(const PatchTree* tree, uint i, uint j) {
+  __global const Patch* p = tree->patch;
+  const uint shift = p->level - tree->level;
+  ASK(tree->map + 3 * ((size_t)p->texels + (j << shift) * p->row + (i << shift)), 192u << shift);
+}
+
+// Whether the ray goes through a triangle or along its edge, by the signed areas between it and the edges; as bits.
+static inline uint inside(float16 ab, float16 bc, float16 ca) {
+  return lane_bits16(~(((ab < 0.0f) | (bc < 0.0f) | (ca < 0.0f)) & ((ab > 0.0f) | (bc > 0.0f) | (ca > 0.0f))));
 }
 
 // A ray and a patch that is not built, of level 4 or more: the micro-quads of those parts that the ray meets, row by row,
@@ -243,6 +247,7 @@ static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, floa
       float16 x0, y0, x1, y1;
       sheared_row(tree, q, i, top, &x0, &y0);
       for (uint j = top; j < top + part_side; ++j) {
+        ask_for_row(tree, i, min(j + 6, top + part_side));  // rows are far from each other, too
         sheared_row(tree, q, i, j + 1, &x1, &y1);
         // Lane k: the side from vertex k to k + 1, the one up from vertex k, and the diagonal.
         const uint16 shifted = (uint16)(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15);
@@ -250,7 +255,7 @@ static uint meet_unbuilt(const PatchTree* tree, const Query* q, uint parts, floa
                       cy = shuffle(y1, shifted);
         const float16 ab = x0 * by - y0 * bx, bc = bx * cy - by * cx, cd = cx * y1 - cy * x1, da = x1 * y0 - y1 * x0,
                       ac = x0 * cy - y0 * cx;
-        uint near = inside_either(ab, bc, cd, da, ac) & ((1u << quads) - 1);
+        uint near = (inside(ab, bc, -ac) | inside(ac, cd, da)) & ((1u << quads) - 1);
         visited += quads;
         for (; near != 0; near &= near - 1) {
           const uint column = i + lowest_bit(near);
@@ -299,42 +304,86 @@ static inline void load_grid(const PatchTree* tree, uint b, const Query* q, Grid
   grid->axes[2] = load_grid_axis(from, q->kz);
 }
 
-// Which of 16 micro-quads the ray may hit, as bits: by the arithmetic of meet_micro_quad(), but for signs that float
-// cannot tell, which are left to that.
-static inline uint may_meet16(const Grid16* grid, const Query* q) {
-  const GridAxis x = grid->axes[0], y = grid->axes[1], z = grid->axes[2];
-  const float16 z0 = z.first - q->origin[q->kz], z1 = z.second - q->origin[q->kz];
-  const float16 x0 = (x.first - q->origin[q->kx]) - q->sx * z0, x1 = (x.second - q->origin[q->kx]) - q->sx * z1;
-  const float16 y0 = (y.first - q->origin[q->ky]) - q->sy * z0, y1 = (y.second - q->origin[q->ky]) - q->sy * z1;
+// The finest level's b-th 16 micro-quads: by the arithmetic of meet_micro_quad(), which is left what float cannot tell.
+// Returns how many were met, one after the other as it were.
+static ALWAYS_INLINE uint meet_grid(const PatchTree* tree, uint b, const Grid16* grid, const Query* q, uint any,
+                                    PatchFound* found) {
+  const GridAxis gx = grid->axes[0], gy = grid->axes[1], gz = grid->axes[2];
+  const float16 z0 = gz.first - q->origin[q->kz], z1 = gz.second - q->origin[q->kz];
+  const float16 x0 = (gx.first - q->origin[q->kx]) - q->sx * z0, x1 = (gx.second - q->origin[q->kx]) - q->sx * z1;
+  const float16 y0 = (gy.first - q->origin[q->ky]) - q->sy * z0, y1 = (gy.second - q->origin[q->ky]) - q->sy * z1;
   const float16 ax = GRID_A(x0, x1), ay = GRID_A(y0, y1), bx = GRID_B(x0, x1), by = GRID_B(y0, y1);
   const float16 cx = GRID_C(x0, x1), cy = GRID_C(y0, y1), dx = GRID_D(x0, x1), dy = GRID_D(y0, y1);
-  return inside_either(ax * by - ay * bx, bx * cy - by * cx, cx * dy - cy * dx, dx * ay - dy * ax, ax * cy - ay * cx);
+  const float16 ab = ax * by - ay * bx, bc = bx * cy - by * cx, cd = cx * dy - cy * dx, da = dx * ay - dy * ax,
+                ac = ax * cy - ay * cx;
+  const uint in_abc = inside(ab, bc, -ac), in_acd = inside(ac, cd, da);
+  uint near = in_abc | in_acd;
+  if (near == 0) return 0;
+  if (near & lane_bits16((ab == 0.0f) | (bc == 0.0f) | (cd == 0.0f) | (da == 0.0f) | (ac == 0.0f))) {
+    uint met = 0;
+    for (; near != 0; near &= near - 1) {
+      ++met;
+      if (meet_micro_quad(tree, PATCH_WIDTH * b + lowest_bit(near), q, found) && any) break;
+    }
+    return met;
+  }
+  const float16 tz0 = q->sz * z0, tz1 = q->sz * z1;
+  const float16 az = GRID_A(tz0, tz1), bz = GRID_B(tz0, tz1), cz = GRID_C(tz0, tz1), dz = GRID_D(tz0, tz1);
+  const float16 area_abc = -bc + ac + -ab, area_acd = -cd + -da + -ac;
+  const float16 t_abc = (-bc * az + ac * bz + -ab * cz) / area_abc, t_acd = (-cd * az + -da * cz + -ac * dz) / area_acd;
+  const float16 limit = found->t;
+  uint hit_abc = in_abc & lane_bits16((t_abc >= q->tmin) & (t_abc < limit)),
+       hit_acd = in_acd & lane_bits16((t_acd >= q->tmin) & (t_acd < limit));
+  if (!found->hit) {
+    hit_abc |= in_abc & lane_bits16((t_abc >= q->tmin) & (t_abc == limit));
+    hit_acd |= in_acd & lane_bits16((t_acd >= q->tmin) & (t_acd == limit));
+  }
+  uint hits = hit_abc | hit_acd;
+  if (hits == 0) return popcount(near);
+  float ts[2][16];
+  vstore16(t_abc, 0, ts[0]);
+  vstore16(t_acd, 0, ts[1]);
+  uint lane = 0, second = 0;
+  float t = INFINITY;
+  if (any) {
+    near &= hits ^ (hits - 1);
+    hits &= 0u - hits;
+  }
+  for (; hits != 0; hits &= hits - 1) {
+    const uint at = lowest_bit(hits);
+    if (hit_abc >> at & 1 && ts[0][at] < t) {
+      t = ts[0][at];
+      lane = at;
+      second = 0;
+    }
+    if (hit_acd >> at & 1 && ts[1][at] < t) {
+      t = ts[1][at];
+      lane = at;
+      second = 1;
+    }
+  }
+  float weights[3][16];
+  vstore16(second ? -da : ac, 0, weights[0]);
+  vstore16(second ? -ac : -ab, 0, weights[1]);
+  vstore16(second ? area_acd : area_abc, 0, weights[2]);
+  found->t = t;
+  found->u = weights[0][lane] / weights[2][lane];
+  found->v = weights[1][lane] / weights[2][lane];
+  found->hit = FOUND_TRIANGLE + second;
+  found->at = PATCH_WIDTH * b + lane;
+  return popcount(near);
 }
 
-// Micro-quads of the finest level's b-th 16. Returns how many were met.
-static inline uint meet_leaves(const PatchTree* tree, uint b, const Query* q, uint any, PatchFound* found) {
+// As meet_grid().
+static ALWAYS_INLINE uint meet_leaves(const PatchTree* tree, uint b, const Query* q, uint any, PatchFound* found) {
   Grid16 grid;
   load_grid(tree, b, q, &grid);
-  uint met = 0;
-  for (uint near = may_meet16(&grid, q); near != 0; near &= near - 1) {
-    ++met;
-    if (meet_micro_quad(tree, PATCH_WIDTH * b + lowest_bit(near), q, found) && any) break;
-  }
-  return met;
+  return meet_grid(tree, b, &grid, q, any, found);
 }
 
 // What a ray will soon read is far away: several blocks are asked for at once.
 static inline void ask_for(__global const PatchBlock* blocks, uint first, uint mask) {
-#if defined(__clang__) && defined(__AVX512VL__)
-  for (; mask != 0; mask &= mask - 1) {
-    const char* block = (const char*)(size_t)(blocks + first + lowest_bit(mask));
-    __builtin_prefetch(block);
-    __builtin_prefetch(block + 64);
-    __builtin_prefetch(block + 128);
-    __builtin_prefetch(block + 192);
-    __builtin_prefetch(block + 256);
-  }
-#endif
+  for (; mask != 0; mask &= mask - 1) ASK(blocks + first + lowest_bit(mask), sizeof(PatchBlock));
 }
 
 // Where to begin in a patch of level 2 or more, of whose 16 parts `parts` are met; 0: nowhere.
@@ -367,55 +416,60 @@ static inline uint first_visit(const PatchTree* tree, uint loose, uint parts, fl
   return stack[--*depth];
 }
 
+// What follows a visit of `current`; 0: nothing does.
+static ALWAYS_INLINE uint visit_patch(const PatchTree* tree, uint current, const Query* q, const PatchRay* ray, uint any,
+                               uint* stack, float* stack_t, uint* depth, PatchFound* found, uint* visited) {
+  ++*visited;
+  const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarters = current >> 28;
+  uint next = 0;
+  if (at_level == tree->level) {
+    *visited += meet_leaves(tree, at - block_count(tree->level), q, any, found);
+    if (any && found->hit > FOUND_BEFORE) return 0;
+  } else {
+    __global const PatchBlock* block = tree->blocks + at;
+    float16 entry;
+    uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
+    if (quarters != 0) mask &= four_times(quarters);
+    if (mask != 0 && at_level >= tree->wanted) {
+      // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
+      const uint outside = mask & lane_bits16(entry > q->tmin);
+      if (outside != 0) {
+        float t[16];
+        vstore16(entry, 0, t);
+        uint lane = lowest_bit(outside);
+        for (uint rest = outside & (outside - 1); rest != 0; rest &= rest - 1)
+          if (t[lowest_bit(rest)] < t[lane]) lane = lowest_bit(rest);
+        if (t[lane] < found->t) take_box(block, lane, t[lane], found);
+        if (any) return 0;
+        mask &= ~outside;
+      }
+    }
+    if (mask != 0) {
+      const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
+      ask_for(tree->blocks, first + 1, mask);
+      next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, depth);
+    }
+  }
+  return next != 0 ? next : pop_nearer(stack, stack_t, depth, found->t);
+}
+
+// Micro-quads of a patch of a level below 2. Returns how many.
+static inline uint meet_few_leaves(const PatchTree* tree, const Query* q, PatchFound* found) {
+  const uint count = 1u << 2 * tree->level;
+  for (uint m = 0; m < count; ++m) meet_micro_quad(tree, m, q, found);
+  return count;
+}
+
 // Nearest hit, or any. `parts` and `parts_entry`: which of the patch's 16 parts the ray meets, and where. Returns blocks
 // and micro-quads visited.
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links, const Query* q,
                            const PatchRay* ray, uint parts, float16 parts_entry, uint any, PatchFound* found) {
-  const uint level = tree->level;
-  if (level < 2) {
-    for (uint m = 0; m < 1u << 2 * level; ++m) meet_micro_quad(tree, m, q, found);
-    return 1u << 2 * level;
-  }
+  if (tree->level < 2) return meet_few_leaves(tree, q, found);
   uint stack[PATCH_STACK], depth = 0, visited = 0;
   float stack_t[PATCH_STACK];
   uint current = first_visit(tree, p->loose, parts, parts_entry, stack, stack_t, &depth);
-  if (current == 0) return 0;
-  while (true) {
-    ++visited;
-    const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarters = current >> 28;
-    uint next = 0;
-    if (at_level == level) {
-      visited += meet_leaves(tree, at - block_count(level), q, any, found);
-      if (any && found->hit > FOUND_BEFORE) return visited;
-    } else {
-      __global const PatchBlock* block = tree->blocks + at;
-      float16 entry;
-      uint mask = meet_planes16(block->planes, q, ray, found->t, &entry);
-      if (quarters != 0) mask &= four_times(quarters);
-      if (mask != 0 && at_level >= tree->wanted) {
-        // The surface is no finer than these boxes; but what the ray starts in, it does not hit.
-        const uint outside = mask & lane_bits16(entry > q->tmin);
-        if (outside != 0) {
-          float t[16];
-          vstore16(entry, 0, t);
-          uint lane = lowest_bit(outside);
-          for (uint rest = outside & (outside - 1); rest != 0; rest &= rest - 1)
-            if (t[lowest_bit(rest)] < t[lane]) lane = lowest_bit(rest);
-          if (t[lane] < found->t) take_box(block, lane, t[lane], found);
-          if (any) return visited;
-          mask &= ~outside;
-        }
-      }
-      if (mask != 0) {
-        const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
-        ask_for(tree->blocks, first + 1, mask);
-        next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
-      }
-    }
-    if (next == 0) next = pop_nearer(stack, stack_t, &depth, found->t);
-    if (next == 0) return visited;
-    current = next;
-  }
+  while (current != 0) current = visit_patch(tree, current, q, ray, any, stack, stack_t, &depth, found, &visited);
+  return visited;
 }
 #else
 #define LINK_END 0xffffu

@@ -95,34 +95,55 @@ static inline float search_limit(const Search* s) {
   return few_limit(&s->few, s->limit);
 }
 
+// A ray in a patch that is built.
+typedef struct InPatch {
+  __global const Patch* patch;
+  uint number;
+  PatchTree tree;
+  PatchRay ray;
+  PatchFound found;
+} InPatch;
+
+// Whether the ray is to go through the patch's hierarchy now; `parts`, `entry`: of it.
+static inline bool enter_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Query* q,
+                               Search* s, InPatch* in, uint* parts, float16* entry) {
+  __global const Patch* p = scene->patches + patch;
+  in->ray = patch_ray(p, q);
+  *parts = meet_planes16(scene->parts[patch].planes, q, &in->ray, search_limit(s), entry);
+  ++s->visited;
+  if (*parts == 0) return false;
+  const float t = nearest_entry(*parts, *entry);
+  const uint pair = instance->first_pair + (patch - instance->first_patch);
+  if (is_done_with(&s->few, t, pair)) return false;
+  const PatchSlot slot = scene->slots[patch];
+  if (!s->at_once || slot.at == PATCH_NOT_BUILT) {
+    add_candidate(&s->few, t, pair);
+    return false;
+  }
+  in->patch = p;
+  in->number = patch;
+  in->tree = built_tree(scene->cache + slot.at, slot.level);
+  in->tree.wanted = wanted_level(p, s->resolved, t, slot.level);
+  in->found.t = s->limit;
+  in->found.hit = s->hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
+  return true;
+}
+
+static inline void leave_patch(__global const PatchInstance* instance, InPatch* in, Search* s) {
+  if (in->found.hit <= FOUND_BEFORE) return;
+  finish_found(&in->tree, &in->found);
+  s->limit = in->found.t;
+  s->hit = make_hit(&in->found, instance, in->number, s->world);
+}
+
 static inline void meet_patch(const Scene* scene, __global const PatchInstance* instance, uint patch, const Query* q,
                               Search* s) {
-  __global const Patch* p = scene->patches + patch;
-  const PatchRay r = patch_ray(p, q);
+  InPatch in;
+  uint parts;
   float16 entry;
-  const uint mask = meet_planes16(scene->parts[patch].planes, q, &r, search_limit(s), &entry);
-  ++s->visited;
-  if (mask == 0) return;
-  const float t = nearest_entry(mask, entry);
-  const uint pair = instance->first_pair + (patch - instance->first_patch);
-  if (is_done_with(&s->few, t, pair)) return;
-  const PatchSlot slot = scene->slots[patch];
-  if (s->at_once && slot.at != PATCH_NOT_BUILT) {
-    __global const PatchBlock* blocks = scene->cache + slot.at;
-    PatchTree tree = built_tree(blocks, slot.level);
-    tree.wanted = wanted_level(p, s->resolved, t, slot.level);
-    PatchFound found;
-    found.t = s->limit;
-    found.hit = s->hit.leaf != RBVH_NO_LEAF ? FOUND_BEFORE : FOUND_NOTHING;
-    s->visited += traverse_patch(&tree, p, scene->links, q, &r, mask, entry, s->any, &found);
-    if (found.hit > FOUND_BEFORE) {
-      finish_found(&tree, &found);
-      s->limit = found.t;
-      s->hit = make_hit(&found, instance, patch, s->world);
-    }
-    return;
-  }
-  add_candidate(&s->few, t, pair);
+  if (!enter_patch(scene, instance, patch, q, s, &in, &parts, &entry)) return;
+  s->visited += traverse_patch(&in.tree, in.patch, scene->links, q, &in.ray, parts, entry, s->any, &in.found);
+  leave_patch(instance, &in, s);
 }
 
 // All patches of an instance, nearest first as far as boxes tell.
@@ -214,7 +235,7 @@ static inline uint square_pixel(uint at, uint count, uint row) {
 }
 
 // Where pairs go: behind each other. Rays with pairs are listed; those of the list's i-th are from ranges[i].x on,
-// ranges[i].y of them. counts: of pairs, and of such rays.
+// ranges[i].y of them. counts: of pairs, of such rays, and of the rays that go on from the round before.
 typedef struct Pairs {
   __global uint *keys, *rays, *places, *counts, *listed;
   __global uint2* ranges;
@@ -246,18 +267,19 @@ static inline uint ray_number(__global const uint* active, RayRange range, uint 
   return range.first + min(i * range.stride + range.stride / 2, range.count - 1);
 }
 
-// Rays active[i] go on from `progress`, with `hits` as what was found before; without `active`, those of `range` begin.
+// The first counts[2] rays of `active` go on from `progress`, with `hits` as what was found before; without `active` those
+// of `range` begin. There are at most most_rays.
 #define CAST_TOP_ARGUMENTS                                                                                             \
   __global const ExactNode *nodes, ExactScene top, __global const PatchInstance *instances,                            \
       __global const Patch *patches, __global const PatchParts *parts, __global const PatchSlot *slots,                \
       __global const PatchBlock *cache, __global const uint *links, __global const Ray *rays,                          \
-      __global const uint *active, RayRange range, uint count, uint any, uint at_once, uint most, RayDetail detail,    \
-      __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys, __global uint *pair_rays,          \
-      __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed, __global uint *counts,           \
-      __global uint *steps
+      __global const uint *active, RayRange range, uint most_rays, uint any, uint at_once, uint most,                  \
+      RayDetail detail, __global Hit *hits, __global RayProgress *progress, __global uint *pair_keys,                  \
+      __global uint *pair_rays, __global uint *pair_places, __global uint2 *pair_ranges, __global uint *listed,        \
+      __global uint *counts, __global uint *steps
 
 __kernel void cast_top(CAST_TOP_ARGUMENTS) {
-  const uint i = (uint)get_global_id(0);
+  const uint i = (uint)get_global_id(0), count = active ? counts[2] : most_rays;
   if (i >= count) return;
   const uint r = ray_number(active, range, i);
   const Ray ray = rays[r];
@@ -273,6 +295,151 @@ __kernel void cast_top(CAST_TOP_ARGUMENTS) {
 }
 
 #ifdef WIDE
+// Rays that do not stay together read what is far away, each alone: sixteen take turns, and while what one reads next is on
+// its way the others go on. Each goes the way of meet_all().
+typedef struct Turn {
+  uint current;  // what is next: a node, a leaf, or in a patch what VISIT() makes
+  uint stage;    // AT_*
+  uint depths[2], patch_depth;
+  __global const PatchInstance* instance;
+  Query queries[2];  // among instances, among an instance's patches
+  InPatch in;
+  uint stacks[2][STACK], patch_stack[PATCH_STACK];
+  float stacks_t[2][STACK], patch_stack_t[PATCH_STACK];
+} Turn;
+
+// Above the patches: which of the two hierarchies it is in.
+#define AT_INSTANCES 0
+#define AT_PATCHES 1
+
+// What it waits for. Those that wait for the same go on together, which the processor foresees better.
+#define WAITS_NOTHING 0
+#define WAITS_PATCH 1
+#define WAITS_BLOCK 2
+#define WAITS_LEAVES 3
+#define WAITS 4
+
+// False where the ray can hit nothing there.
+static inline bool enter_instance(const Scene* scene, uint at, Turn* turn, Search* s) {
+  __global const PatchInstance* instance = turn->instance = scene->instances + at;
+  const Ray ray = instance_ray(instance, s->world);
+  if (!prepare_in(instance, &ray, &turn->queries[AT_PATCHES])) return false;
+  s->resolved = detail_of(s->detail, ray_speed(&ray));
+  turn->stage = AT_PATCHES;
+  turn->current = instance->root;
+  turn->depths[AT_PATCHES] = 0;
+  return true;
+}
+
+// From `current` or, if that is done with, from what was put off to the next patch: from node to node, which are near.
+static uint go_to_patch(const Scene* scene, Turn* turn, Search* s, bool is_done) {
+  if (s->any && s->hit.leaf != RBVH_NO_LEAF) return WAITS_NOTHING;
+  while (true) {
+    const uint stage = turn->stage;
+    if (is_done) {
+      turn->current = pop_nearer(turn->stacks[stage], turn->stacks_t[stage], &turn->depths[stage], search_limit(s));
+      is_done = false;
+      if (turn->current == 0) {
+        if (stage == AT_INSTANCES) return WAITS_NOTHING;
+        turn->stage = AT_INSTANCES;
+        is_done = true;
+        continue;
+      }
+    }
+    if (!(turn->current & EXACT_LEAF_BIT)) {
+      ++s->visited;
+      __global const ExactNode* node = scene->nodes + turn->current;
+      float16 entry;
+      const uint mask = meet_children(node, &turn->queries[stage], search_limit(s), &entry);
+      is_done = mask == 0;
+      if (!is_done)
+        turn->current = take_children(node->children, 0, mask, entry, turn->stacks[stage], turn->stacks_t[stage],
+                                      &turn->depths[stage]);
+    } else if (stage == AT_INSTANCES) {
+      is_done = !enter_instance(scene, turn->current & ~EXACT_LEAF_BIT, turn, s);
+    } else {
+      const uint patch = turn->instance->first_patch + (turn->current & ~EXACT_LEAF_BIT);
+      ASK(scene->patches + patch, sizeof(Patch));
+      ASK(scene->parts + patch, sizeof(PatchParts));
+      ASK(scene->slots + patch, sizeof(PatchSlot));
+      return WAITS_PATCH;
+    }
+  }
+}
+
+// In a patch or, where that is done with, out of it and on.
+static inline uint go_to_block(const Scene* scene, Turn* turn, Search* s) {
+  if (turn->current != 0) return (turn->current >> 24 & 15) == turn->in.tree.level ? WAITS_LEAVES : WAITS_BLOCK;
+  leave_patch(turn->instance, &turn->in, s);
+  return go_to_patch(scene, turn, s, true);
+}
+
+static inline uint take_patch(const Scene* scene, Turn* turn, Search* s) {
+  const Query* q = &turn->queries[AT_PATCHES];
+  uint parts;
+  float16 entry;
+  const uint patch = turn->instance->first_patch + (turn->current & ~EXACT_LEAF_BIT);
+  turn->current = 0;
+  if (!enter_patch(scene, turn->instance, patch, q, s, &turn->in, &parts, &entry))
+    return go_to_patch(scene, turn, s, true);
+  if (turn->in.tree.level < 2) {
+    s->visited += meet_few_leaves(&turn->in.tree, q, &turn->in.found);
+  } else {
+    turn->patch_depth = 0;
+    turn->current = first_visit(&turn->in.tree, turn->in.patch->loose, parts, entry, turn->patch_stack,
+                                turn->patch_stack_t, &turn->patch_depth);
+  }
+  return go_to_block(scene, turn, s);
+}
+
+static inline uint take_block(const Scene* scene, Turn* turn, Search* s) {
+  InPatch* in = &turn->in;
+  turn->current = visit_patch(&in->tree, turn->current, &turn->queries[AT_PATCHES], &in->ray, s->any, turn->patch_stack,
+                              turn->patch_stack_t, &turn->patch_depth, &in->found, &s->visited);
+  return go_to_block(scene, turn, s);
+}
+
+// Sixteen rays from `root` on: of instance `at`, whose space `rays` and `box` are in, or of everything (RBVH_NO_LEAF).
+static void meet_in_turn(const Scene* scene, const ExactScene* box, uint root, uint at, const RayLanes* rays, Search* s) {
+  Turn turns[PACKET];
+  QueryLanes queries;
+  prepare_lanes(rays, box, &queries);
+  uint waiting[WAITS] = {0, 0, 0, 0};
+  for (uint lanes = queries.valid; lanes != 0; lanes &= lanes - 1) {
+    const uint i = lowest_bit(lanes);
+    if (s[i].any && s[i].leaf_before != RBVH_NO_LEAF) continue;
+    Turn* turn = turns + i;
+    turn->stage = at == RBVH_NO_LEAF ? AT_INSTANCES : AT_PATCHES;
+    turn->depths[AT_INSTANCES] = turn->depths[AT_PATCHES] = 0;
+    turn->current = root;
+    Query* q = &turn->queries[turn->stage];
+    query_of(&queries, i, q);
+    if (at != RBVH_NO_LEAF) {
+      turn->instance = scene->instances + at;
+      s[i].resolved = detail_of(s[i].detail, length(vload3(0, q->direction)));
+    }
+    waiting[go_to_patch(scene, turn, s + i, false)] |= 1u << i;
+  }
+  while (true) {
+    uint now = waiting[WAITS_PATCH];
+    const uint blocks = waiting[WAITS_BLOCK], leaves = waiting[WAITS_LEAVES];
+    if ((now | blocks | leaves) == 0) return;
+    waiting[WAITS_PATCH] = waiting[WAITS_BLOCK] = waiting[WAITS_LEAVES] = 0;
+    for (; now != 0; now &= now - 1) {
+      const uint i = lowest_bit(now);
+      waiting[take_patch(scene, turns + i, s + i)] |= 1u << i;
+    }
+    for (now = blocks; now != 0; now &= now - 1) {
+      const uint i = lowest_bit(now);
+      waiting[take_block(scene, turns + i, s + i)] |= 1u << i;
+    }
+    for (now = leaves; now != 0; now &= now - 1) {
+      const uint i = lowest_bit(now);
+      waiting[take_block(scene, turns + i, s + i)] |= 1u << i;
+    }
+  }
+}
+
 // What ray i has left of its way; a ray that can hit nothing has none.
 static inline void load_limits(const Packet* p, const Search* s, float* limits) {
   for (uint i = 0; i < PACKET; ++i) limits[i] = p->lanes >> i & 1 ? search_limit(s + i) : -INFINITY;
@@ -334,10 +501,7 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const RayLa
   Packet p;
   p.lanes = rays.used;
   if (popcount(rays.used) < PACKET_LEAST || !prepare_packet(&rays, &box, &p)) {
-    for (uint lanes = p.lanes; lanes != 0; lanes &= lanes - 1) {
-      const uint i = lowest_bit(lanes);
-      meet_instance(scene, at, s[i].world, s + i);
-    }
+    meet_in_turn(scene, &box, instance->root, at, &rays, s);
     return;
   }
   float limits[PACKET];
@@ -362,15 +526,32 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const RayLa
   }
 }
 
-// As meet_all(). False, and nothing done, where the rays do not stay together.
-static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, const RayLanes* rays, Search* s,
+// As meet_all(), in turn.
+static inline void meet_all_in_turn(const Scene* scene, const ExactScene* top, const RayLanes* rays, Search* s) {
+  if (!(top->root & EXACT_LEAF_BIT)) {
+    meet_in_turn(scene, top, top->root, RBVH_NO_LEAF, rays, s);
+    return;
+  }
+  const uint at = top->root & ~EXACT_LEAF_BIT;
+  const PatchInstance placed = scene->instances[at];
+  const ExactScene box = instance_box(scene->instances + at);
+  RayLanes rays_there;
+  place_lanes(placed.to_object, rays, &rays_there);
+  meet_in_turn(scene, &box, placed.root, at, &rays_there, s);
+}
+
+// As meet_all(), as far as the rays stay together.
+static inline void meet_all_packet(const Scene* scene, const ExactScene* top, const RayLanes* rays, Search* s,
                                    uint* visited) {
   if (top->root & EXACT_LEAF_BIT) {
     meet_instance_packet(scene, top->root & ~EXACT_LEAF_BIT, rays, s, visited);
-    return true;
+    return;
   }
   Packet p;
-  if (!prepare_packet(rays, top, &p)) return false;
+  if (!prepare_packet(rays, top, &p)) {
+    meet_all_in_turn(scene, top, rays, s);
+    return;
+  }
   float limits[PACKET];
   load_limits(&p, s, limits);
   uint stack[STACK], depth = 0, current = top->root;
@@ -389,34 +570,38 @@ static inline bool meet_all_packet(const Scene* scene, const ExactScene* top, co
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
-    if (next == 0) return true;
+    if (next == 0) return;
     current = next;
   }
 }
 
-// cast_top() for rays that begin, nearest hits, 16 of them a work-item. What a packet visits each of its rays counts.
+// cast_top(), 16 rays a work-item. Neighbours' nearest hits are looked for together; what they visit so each of them
+// counts.
 __kernel void cast_top_packets(CAST_TOP_ARGUMENTS) {
-  const uint begin = PACKET * (uint)get_global_id(0);
+  const uint begin = PACKET * (uint)get_global_id(0), count = active ? counts[2] : most_rays;
   if (begin >= count) return;
   const uint here = min((uint)PACKET, count - begin);
   const Scene scene = {nodes, instances, patches, parts, slots, cache, links};
   const Pairs pairs = {pair_keys, pair_rays, pair_places, counts, listed, pair_ranges};
-  const bool is_fresh = !range.keep_hits;
+  const bool is_fresh = !active && !range.keep_hits;
   Ray packet[PACKET];
   Search s[PACKET];
   uint numbers[PACKET];
   for (uint i = 0; i < here; ++i) {
     const uint r = numbers[i] = ray_number(active, range, begin + i);
     packet[i] = rays[r];
-    begin_search(s + i, packet + i, 0, at_once, most, detail);
+    begin_search(s + i, packet + i, any, at_once, most, detail);
+    if (active) s[i].few.after = progress[r];
     if (!is_fresh) begin_after(s + i, hits[r]);
   }
   RayLanes lanes;
   load_lanes(packet, here, &lanes);
   uint visited = 0;
-  const bool together = meet_all_packet(&scene, &top, &lanes, s, &visited);
+  if (any || active)
+    meet_all_in_turn(&scene, &top, &lanes, s);
+  else
+    meet_all_packet(&scene, &top, &lanes, s, &visited);
   for (uint i = 0; i < here; ++i) {
-    if (!together) meet_all(&scene, &top, packet + i, s + i);
     s[i].visited += visited;
     end_search(s + i, numbers[i], is_fresh, &pairs, hits, progress, steps);
   }
@@ -532,7 +717,7 @@ __kernel void add_steps(__global const uint* active, uint count, __global const 
 __kernel void take_hits(__global const uint* active, uint count, uint any,
                         __global const uint2* pair_ranges, __global const Hit* pair_hits, NEAREST nearest,
                         __global const RayProgress* progress, __global Hit* hits, __global uint* next_active,
-                        __global uint* next_count) {
+                        __global uint* next_counts) {
   const uint i = (uint)get_global_id(0);
   if (i >= count) return;
   const uint r = active[i];
@@ -557,5 +742,5 @@ __kernel void take_hits(__global const uint* active, uint count, uint any,
 #endif
   const float next_t = progress[r].next_t;
   const bool goes_on = next_t < INFINITY && hit.t >= next_t && !(any && hit.leaf != RBVH_NO_LEAF);
-  if (goes_on) next_active[atomic_inc(next_count)] = r;
+  if (goes_on) next_active[atomic_inc(next_counts + 2)] = r;
 }

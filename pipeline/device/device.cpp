@@ -528,16 +528,17 @@ bool check_range(const BufferState* state, std::size_t offset, std::size_t bytes
 }
 }  // namespace
 
-void Device::read_bytes(BufferState* state, std::size_t offset, void* to, std::size_t bytes) {
+void Device::read_bytes(BufferState* state, std::size_t offset, void* to, std::size_t bytes, bool waits) {
   if (!check_range(state, offset, bytes)) return;
   guarded(state->device->info, "reading a buffer of " + in_words(state->bytes),
-          [&] { state->device->queue.enqueueReadBuffer(state->buffer, CL_TRUE, offset, bytes, to); });
+          [&] { state->device->queue.enqueueReadBuffer(state->buffer, waits, offset, bytes, to); });
 }
 
-void Device::write_bytes(BufferState* state, std::size_t offset, const void* from, std::size_t bytes) {
+void Device::write_bytes(BufferState* state, std::size_t offset, const void* from, std::size_t bytes,
+                         bool waits) {
   if (!check_range(state, offset, bytes)) return;
   guarded(state->device->info, "writing a buffer of " + in_words(state->bytes),
-          [&] { state->device->queue.enqueueWriteBuffer(state->buffer, CL_TRUE, offset, bytes, from); });
+          [&] { state->device->queue.enqueueWriteBuffer(state->buffer, waits, offset, bytes, from); });
 }
 
 void Device::fill_bytes(BufferState* state, std::size_t bytes, unsigned char value) {

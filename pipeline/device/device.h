@@ -116,17 +116,18 @@ class Device {
   friend class Buffer;
   std::shared_ptr<device_detail::BufferState> allocate(std::size_t bytes) const;
   // A null state has no bytes.
-  static void read_bytes(device_detail::BufferState*, std::size_t offset, void* to, std::size_t bytes);
+  static void read_bytes(device_detail::BufferState*, std::size_t offset, void* to, std::size_t bytes,
+                         bool waits);
   static void write_bytes(device_detail::BufferState*, std::size_t offset, const void* from,
-                          std::size_t bytes);
+                          std::size_t bytes, bool waits);
   static void fill_bytes(device_detail::BufferState*, std::size_t bytes, unsigned char value);
   static void copy_bytes(device_detail::BufferState* to, std::size_t to_offset,
                          device_detail::BufferState* from, std::size_t from_offset, std::size_t bytes);
   std::shared_ptr<device_detail::DeviceState> state_;
 };
 
-/// Device memory for `size()` elements; shared on copy, freed with the last copy. Reads and writes block;
-/// fill and copy_from are enqueued. A range beyond the buffer's end is a bug (RBVH_CHECK).
+/// Device memory for `size()` elements; shared on copy, freed with the last copy. read and write block; the
+/// rest is enqueued. A range beyond the buffer's end is a bug (RBVH_CHECK).
 /// Default-constructed: no memory. Allocation throws Error(kBudget) where the device cannot hold it.
 template <class T>
 class Buffer {
@@ -140,10 +141,18 @@ class Buffer {
 
   std::size_t size() const { return count_; }
   void write(std::span<const T> values, std::size_t at = 0) {
-    Device::write_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes());
+    Device::write_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes(), true);
   }
   void read(std::span<T> values, std::size_t at = 0) const {
-    Device::read_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes());
+    Device::read_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes(), true);
+  }
+  /// As write() and read(), but enqueued: waiting costs more than a few kilobytes. `values` must stay where
+  /// they are, and what they are, until something else has waited for the device.
+  void enqueue_write(std::span<const T> values, std::size_t at = 0) {
+    Device::write_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes(), false);
+  }
+  void enqueue_read(std::span<T> values, std::size_t at = 0) const {
+    Device::read_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes(), false);
   }
   std::vector<T> read() const {
     std::vector<T> values(count_);

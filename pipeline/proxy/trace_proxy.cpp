@@ -119,10 +119,16 @@ struct ProxyTracerState {
   std::size_t scratch_rays = 0;
   Buffer<RayProgress> progress;
   Buffer<std::uint32_t> active, listed;  ///< rays that go on; those that have pairs
-  Buffer<std::uint32_t> pair_keys, pair_rays, pair_places, pair_steps, pair_ranges, counts;
+  Buffer<std::uint32_t> pair_keys, pair_rays, pair_places, pair_steps, pair_ranges;
+  Buffer<std::uint32_t> counts[2];  ///< of a round and of the next: pairs, rays with pairs, rays that begin
   Buffer<Ray> camera_rays;
   Buffer<Hit> pair_hits;
   Buffer<std::uint32_t> nearest;  ///< 64 bits a ray, or nothing
+
+  // What the device is still reading or writing when a cast goes on.
+  std::vector<std::uint32_t> keys, places;
+  std::vector<PatchBuild> builds, sent_builds;
+  std::vector<PatchJob> jobs, sent_jobs;
 };
 
 namespace {
@@ -190,7 +196,7 @@ void add_proxy(State& state, const Proxy& proxy) {
 
 void upload_slots(State& state) {
   if (!state.slots_changed) return;
-  state.device_slots.write(state.slots);
+  state.device_slots.enqueue_write(state.slots);
   state.slots_changed = false;
 }
 
@@ -264,10 +270,7 @@ class Cast {
     }
     state_.stats.rays += count_;
     std::uint32_t active = count;
-    for (int round = 0; active > 0; ++round) {
-      ++state_.stats.rounds;
-      active = cast_round(round, active);
-    }
+    for (int round = 0; active > 0; ++round) active = cast_round(round, active);
   }
 
  private:
@@ -275,10 +278,10 @@ class Cast {
   /// not be gathered.
   void scout(const RayRange& range, std::uint32_t count) {
     PhaseWatch watch(device_, state_.stats.timed);
-    const std::uint32_t pairs = cast_top({}, range, count, 1, false, false)[0];
+    const std::uint32_t pairs = cast_top(0, range, count, 1, false, false).pairs;
     state_.stats.top += watch.lap();
-    std::vector<std::uint32_t> keys(pairs);
-    state_.pair_keys.read(keys);
+    std::vector<std::uint32_t>& keys = state_.keys;
+    read_keys(pairs);
     std::sort(keys.begin(), keys.end());
     keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
     needed_.assign(state_.patches.size(), 0);
@@ -297,73 +300,92 @@ class Cast {
         1);
   }
 
-  /// Without `list` the rays of `range` begin. Returns the numbers of pairs, and of rays that have some.
-  std::array<std::uint32_t, 2> cast_top(const Buffer<std::uint32_t>& list, const RayRange& range,
-                                        std::uint32_t active, std::uint32_t most, bool at_once,
-                                        bool packets) {
+  struct Counts {
+    std::uint32_t pairs, listed;  ///< rays that have pairs
+    std::uint32_t active;         ///< rays that went on
+  };
+
+  /// In round 0 the rays of `range` begin, in later ones those go on that the round before has left, at most
+  /// `active`.
+  Counts cast_top(int round, const RayRange& range, std::uint32_t active, std::uint32_t most, bool at_once,
+                  bool packets) {
     upload_slots(state_);
-    state_.counts.fill(0);
+    Buffer<std::uint32_t>& device_counts = state_.counts[round % 2];
+    if (round == 0) device_counts.fill(0);
     device_.kernel("trace_proxy", packets ? "cast_top_packets" : "cast_top", state_.options)
         .run(packets ? (active + kPacket - 1) / kPacket : active, packets ? kPacketGroup : kRayGroup,
              state_.nodes, state_.top, state_.device_instances, state_.device_patches, state_.device_parts,
-             state_.device_slots, state_.cache_memory, state_.links, rays_, list, range, active, any_,
-             at_once ? 1u : 0u, most, state_.ray_detail, hits_, state_.progress, state_.pair_keys,
-             state_.pair_rays, state_.pair_places, state_.pair_ranges, state_.listed, state_.counts, steps_);
-    std::array<std::uint32_t, 2> counts{};
-    state_.counts.read(counts);
-    return counts;
+             state_.device_slots, state_.cache_memory, state_.links, rays_,
+             round == 0 ? Buffer<std::uint32_t>() : state_.active, range, active, any_, at_once ? 1u : 0u,
+             most, state_.ray_detail, hits_, state_.progress, state_.pair_keys, state_.pair_rays,
+             state_.pair_places, state_.pair_ranges, state_.listed, device_counts, steps_);
+    state_.keys.resize(std::min<std::size_t>(kFewPairs, state_.pair_keys.size()));
+    state_.pair_keys.enqueue_read(state_.keys);  // most often that is all of them
+    std::array<std::uint32_t, 3> counts{};
+    device_counts.read(counts);
+    has_sent_ = false;
+    return {counts[0], counts[1], counts[2]};
   }
 
-  /// Returns how many rays go on.
+  /// After cast_top().
+  void read_keys(std::uint32_t pairs) {
+    const std::size_t read = state_.keys.size();
+    state_.keys.resize(pairs);
+    if (pairs > read) state_.pair_keys.read(state_.keys);
+  }
+
+  /// Returns how many rays go on, or more than that: few are not worth waiting for their number.
   std::uint32_t cast_round(int round, std::uint32_t active) {
     // Most rays hit the first patch that they meet; those that do not soon want all.
     const auto room = static_cast<std::uint32_t>(std::max<std::size_t>(1, state_.pair_keys.size() / active));
     const std::uint32_t most = std::min({state_.config.pairs, 1u << std::min(2 * round, 8), room});
     PhaseWatch watch(device_, state_.stats.timed);
     const bool at_once = state_.config.at_once,
-               packets = round == 0 && state_.config.packets && at_once && any_ == 0 && device_.info().is_cpu;
-    const auto [pairs, listed] = cast_top(round == 0 ? Buffer<std::uint32_t>() : state_.active, range_,
-                                          active, most, at_once, packets);
+               packets = state_.config.packets && at_once && device_.info().is_cpu;
+    const auto [pairs, listed, went_on] = cast_top(round, range_, active, most, at_once, packets);
     state_.stats.top += watch.lap();
+    if (round == 0 || went_on > 0) ++state_.stats.rounds;
     if (pairs == 0) return 0;
     state_.stats.pairs += pairs;
 
-    std::vector<std::uint32_t> keys(pairs);
-    sort_pairs(keys);
+    sort_pairs(pairs);
     state_.stats.sort += watch.lap();
 
-    make_jobs(keys, watch);
-    next_count_.fill(0);
+    make_jobs(state_.keys, watch);
+    Buffer<std::uint32_t>& next_counts = state_.counts[(round + 1) % 2];
+    next_counts.fill(0);
     device_.kernel("trace_proxy", "take_hits", state_.options)
         .run(listed, kRayGroup, state_.listed, listed, any_, state_.pair_ranges, state_.pair_hits,
-             state_.nearest, state_.progress, hits_, state_.active, next_count_);
+             state_.nearest, state_.progress, hits_, state_.active, next_counts);
     if (pair_steps_.size() > 0)
       device_.kernel("trace_proxy", "add_steps", state_.options)
           .run(listed, kRayGroup, state_.listed, listed, state_.pair_ranges, pair_steps_, steps_);
-    std::uint32_t going_on = 0;
-    next_count_.read(std::span(&going_on, 1));
     state_.stats.cast += watch.lap();
+    if (listed <= kFewPairs) return listed;
+    std::uint32_t going_on = 0;
+    next_counts.read(std::span(&going_on, 1), 2);
+    has_sent_ = false;
     return going_on;
   }
 
-  /// `keys` get the pairs' keys in ascending order.
-  void sort_pairs(std::vector<std::uint32_t>& keys) {
-    const auto pairs = static_cast<std::uint32_t>(keys.size());
+  /// Afterwards the keys are in ascending order.
+  void sort_pairs(std::uint32_t pairs) {
+    std::vector<std::uint32_t>&keys = state_.keys, &places = state_.places;
     if (pairs > kFewPairs) {
       unsigned key_bits = 1;
       while (key_bits < 32 && state_.pair_numbers >> key_bits != 0) ++key_bits;
       radix_sort(device_, state_.pair_keys, state_.pair_places, pairs, key_bits);
-      state_.pair_keys.read(keys);
+      read_keys(pairs);
       return;
     }
-    state_.pair_keys.read(keys);
-    std::vector<std::uint32_t> places(pairs);
+    read_keys(pairs);
+    places.resize(pairs);
     for (std::uint32_t i = 0; i < pairs; ++i) places[i] = i;
     std::sort(places.begin(), places.end(), [&](std::uint32_t a, std::uint32_t b) {
       return keys[a] != keys[b] ? keys[a] < keys[b] : a < b;
     });
     std::sort(keys.begin(), keys.end());
-    state_.pair_places.write(places);
+    state_.pair_places.enqueue_write(places);
   }
 
   /// Builds what is missing and casts, as many patches at a time as the cache holds. `keys` are sorted.
@@ -379,19 +401,21 @@ class Cast {
       if (built && !provide(patch)) {
         flush(watch);
         built = provide(patch);
-        if (!built && !can_do_without(patch))
+        if (!built && !can_do_without(patch)) {
+          device_.finish();  // what is on its way must not go
           throw Error(ExitCode::kBudget, {},
                       "a patch of " + std::to_string(1u << state_.wanted[patch].level) +
                           " micro-quads a side needs " +
                           std::to_string(std::size_t{blocks_of(patch)} * sizeof(PatchBlock)) +
                           " bytes, more than the patch cache has; make that larger");
+        }
       }
       if (!built) state_.stats.unbuilt_rays += end - first;
       const PatchSlot slot =
           built ? state_.slots[patch] : PatchSlot{PATCH_NOT_BUILT, state_.wanted[patch].level};
       for (std::uint32_t begin = first; begin < end; begin += kJobRays)
-        jobs_.push_back({begin, std::min(begin + kJobRays, end), instance, patch, slot,
-                         packed(state_.wanted[patch].edges), 0});
+        state_.jobs.push_back({begin, std::min(begin + kJobRays, end), instance, patch, slot,
+                               packed(state_.wanted[patch].edges), 0});
     }
     flush(watch);
   }
@@ -433,7 +457,7 @@ class Cast {
       slot = {at, level.level};
       state_.built[patch] = level;
       state_.unbuilt_rays[patch] = 0;
-      builds_.push_back({patch, at, level.level, packed(level.edges)});
+      state_.builds.push_back({patch, at, level.level, packed(level.edges)});
       ++state_.stats.built;
       state_.stats.built_leaves += std::uint64_t{1} << 2 * level.level;
       state_.stats.built_bytes += std::uint64_t{blocks} * sizeof(PatchBlock);
@@ -443,27 +467,36 @@ class Cast {
   }
 
   void flush(PhaseWatch& watch) {
-    if (!builds_.empty()) {
-      const Buffer<PatchBuild> builds(device_, builds_);
+    std::vector<PatchBuild>& sent_builds = state_.sent_builds;
+    std::vector<PatchJob>& sent_jobs = state_.sent_jobs;
+    if (has_sent_) device_.finish();
+    has_sent_ = true;
+    sent_builds.swap(state_.builds);
+    sent_jobs.swap(state_.jobs);
+    state_.builds.clear();
+    state_.jobs.clear();
+    if (!sent_builds.empty()) {
+      Buffer<PatchBuild> builds(device_, sent_builds.size());
+      builds.enqueue_write(sent_builds);
       queue_.fill(0);
       device_.kernel("build_patches", "build_patches", group_options(device_))
-          .run(queue_items(device_, builds_.size()), group_size(device_), state_.device_patches, state_.map,
-               builds, static_cast<std::uint32_t>(builds_.size()), queue_, state_.cache_memory);
+          .run(queue_items(device_, sent_builds.size()), group_size(device_), state_.device_patches,
+               state_.map, builds, static_cast<std::uint32_t>(sent_builds.size()), queue_,
+               state_.cache_memory);
       state_.stats.build += watch.lap();
-      builds_.clear();
     }
-    if (!jobs_.empty()) {
-      const Buffer<PatchJob> jobs(device_, jobs_);
+    if (!sent_jobs.empty()) {
+      Buffer<PatchJob> jobs(device_, sent_jobs.size());
+      jobs.enqueue_write(sent_jobs);
       queue_.fill(0);
       device_.kernel("trace_proxy", "cast_patches", state_.options)
-          .run(queue_items(device_, jobs_.size()), group_size(device_), jobs,
-               static_cast<std::uint32_t>(jobs_.size()), queue_, state_.device_instances,
+          .run(queue_items(device_, sent_jobs.size()), group_size(device_), jobs,
+               static_cast<std::uint32_t>(sent_jobs.size()), queue_, state_.device_instances,
                state_.device_patches, state_.device_parts, state_.map, state_.cache_memory, state_.links,
                state_.pair_places, state_.pair_rays, rays_, any_, state_.ray_detail, hits_, state_.pair_hits,
                pair_steps_, state_.nearest);
-      state_.stats.jobs += jobs_.size();
+      state_.stats.jobs += sent_jobs.size();
       state_.stats.cast += watch.lap();
-      jobs_.clear();
     }
     std::fill(needed_.begin(), needed_.end(), 0);
   }
@@ -476,10 +509,9 @@ class Cast {
   std::uint32_t any_;
   RayRange range_{};
   Buffer<std::uint32_t> steps_, pair_steps_;
-  Buffer<std::uint32_t> queue_{device_, 1}, next_count_{device_, 1};
+  Buffer<std::uint32_t> queue_{device_, 1};
   std::vector<std::uint8_t> needed_;  ///< patches of the jobs that wait
-  std::vector<PatchBuild> builds_;
-  std::vector<PatchJob> jobs_;
+  bool has_sent_ = false;             ///< what is not known to have arrived
   std::vector<PatchCache::Entry> evicted_;
 };
 
@@ -605,7 +637,7 @@ ProxyTracer make_proxy_tracer(const Device& device, std::span<const Proxy* const
   state.cache = PatchCache(static_cast<std::uint32_t>(
       std::min<std::size_t>(config.cache_bytes / sizeof(PatchBlock), 0xfffffff0u)));
   state.cache_memory = {device, state.cache.capacity()};
-  state.counts = {device, 2};
+  for (Buffer<std::uint32_t>& counts : state.counts) counts = {device, 3};
   state.options = group_options(device) + " -DSTACK=" + std::to_string((stack + 63) / 64 * 64) +
                   " -DMOST=" + std::to_string(kMostPairs) + (state.config.atomics ? " -DATOMICS" : "");
   set_detail(tracer);

@@ -28,7 +28,7 @@ struct ProxyConfig {
   bool keep = true;  ///< hierarchies stay for later casts; false, as in the source: each cast builds its own
   bool at_once =
       true;  ///< a ray meets a patch that is built as soon as it comes to it; false: always gathered
-  bool packets = true;  ///< rays that follow each other and stay together are cast 16 at a time, on a CPU
+  bool packets = true;  ///< rays are cast 16 at a time, on a CPU: together where they stay so, else in turn
   bool atomics = true;  ///< nearest hits by 64-bit atomic minimum, where the device has it
   std::uint32_t few_rays = 4;  ///< so many rays meet a patch before it is built for them; 0: all are built
   std::uint32_t pairs =
