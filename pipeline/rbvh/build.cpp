@@ -279,9 +279,9 @@ std::vector<std::uint32_t> part_bare(Partition& own, const Primitives& primitive
   }
   if (!requests.empty()) own.references.write(std::span<const std::uint32_t>(references));
   split_once(own, primitives, requests);
-  std::vector<std::uint32_t> parted;
-  for (const SplitRequest& request : requests)
-    parted.push_back(static_cast<std::uint32_t>(own.nodes[request.node].left));
+  std::vector<std::uint32_t> parted(requests.size());
+  for (std::size_t k = 0; k < requests.size(); ++k)
+    parted[k] = static_cast<std::uint32_t>(own.nodes[requests[k].node].left);
   return parted;
 }
 
