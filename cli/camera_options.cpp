@@ -7,6 +7,13 @@ namespace {
 
 constexpr const char* kGroup = "Camera (as f3d's)";
 
+/// All pictures' cameras are made before the first picture is.
+int parse_turns(std::string_view text) {
+  const int turns = parse_positive(text);
+  if (turns > 100000) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is more than 100000");
+  return turns;
+}
+
 }  // namespace
 
 void add_camera_options(CLI::App& stage, CameraOptions& options) {
@@ -25,7 +32,7 @@ void add_camera_options(CLI::App& stage, CameraOptions& options) {
       "turn to the right about the focal point");
   add("--camera-elevation-angle", words.elevation, parse_number, "DEG", "turn upwards about the focal point");
   add("--up", options.up, parse_axis, "AXIS", "default: +Y for meshes, +Z for clouds");
-  add("--turntable", options.turntable, parse_positive, "N",
+  add("--turntable", options.turntable, parse_turns, "N",
       "N pictures around the up axis; name them with {frame:03}");
   stage.add_option("--cameras", options.cameras_path, "a JSON list of cameras, one picture each")
       ->type_name("FILE")

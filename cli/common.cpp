@@ -3,13 +3,13 @@
 #include <spdlog/sinks/basic_file_sink.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
-#include <algorithm>
-#include <filesystem>
-#include <set>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <limits>
+#include <set>
 
 #include "io/output_file.h"
 #include "pipeline/base/parallel_for.h"
@@ -35,6 +35,12 @@ std::string parse_output(std::string_view text) {
 }
 
 void open_log(const Context& context) {
+  // spdlog would make the folder.
+  const std::filesystem::path folder = std::filesystem::path(context.log_path).parent_path();
+  std::error_code code;
+  if (!folder.empty() && !std::filesystem::is_directory(folder, code))
+    throw Error(ExitCode::kFailure, context.log_path,
+                "cannot be created: there is no folder " + folder.string() + "; make it first");
   try {
     const auto logger = spdlog::basic_logger_mt("file", context.log_path);
     logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l " + context.stage + ": %v");

@@ -202,6 +202,7 @@ Json check_file(const Context& context, const std::string& file, const std::opti
   } else if (proxy) {
     json.update(proxy_json(*proxy));
   } else {
+    refuse_proxy(file);
     check_read_budget(context, file);
     const RawScan scan = read_scan(file);
     json.update({{"kind", scan.triangles.empty() ? "cloud" : "mesh"},

@@ -288,6 +288,13 @@ void refuse_proxy(const std::string& path) {
     throw Error(ExitCode::kInput, path,
                 "is a proxy, and a scan is wanted here; name the scan (" + proxy_sidecar_path(path) +
                     " beside it says of which it was made)");
+  // Without the sidecar its quads would pass for the shape.
+  std::error_code code;
+  const std::string map = proxy_map_path(path);
+  if (fs::path(path).extension() == ".obj" && fs::exists(map, code))
+    throw Error(ExitCode::kInput, path,
+                "comes without " + proxy_sidecar_path(path) + ", and " + map +
+                    " lies beside it: a proxy is three files; bring all, or rename the map");
 }
 
 Proxy decode_proxy(std::string_view sidecar, std::string_view mesh, std::string_view map,

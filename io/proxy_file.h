@@ -36,7 +36,8 @@ std::string proxy_sidecar_path(const std::string& path);
 /// True for an .obj with a sidecar beside it.
 bool is_proxy(const std::string& path);
 
-/// For readers of scans, who would take the base for the shape. Throws Error(kInput) where is_proxy().
+/// For readers of scans, who would take the base for the shape. Throws Error(kInput) where is_proxy(), or
+/// would be but for a sidecar that is missing.
 void refuse_proxy(const std::string& path);
 
 /// Reads and checks all three: version, lengths, hashes, and everything that find_fault() does. Hostile input

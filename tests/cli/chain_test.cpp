@@ -289,6 +289,9 @@ TEST_F(Chain, StandardStreamsWork) {
 }
 
 TEST_F(Chain, ProgressReportsAndLogsAreAsAskedFor) {
+  const ToolRun nowhere = tool("build ball.ply -o a.rbvh --log none/build.log");
+  EXPECT_EQ(nowhere.code, 1);
+  EXPECT_NE(nowhere.err.find("there is no folder none"), std::string::npos) << nowhere.err;
   const ToolRun json = tool("build ball.ply -o a.rbvh --progress json --log build.log --report build.json");
   ASSERT_EQ(json.code, 0) << json.err;
   int lines = 0;

@@ -142,6 +142,13 @@ TEST_F(ProxyStage, IsNoScan) {
     EXPECT_EQ(run.code, 3) << words;
     EXPECT_NE(run.err.find("ball.obj: is a proxy"), std::string::npos) << run.err;
   }
+  // Nor without its sidecar.
+  std::filesystem::remove(path("ball.vdm.json"));
+  for (const char* words : {"build ball.obj -o a.rbvh", "validate ball.obj", "render ball.obj -o a.png"}) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 3) << words;
+    EXPECT_NE(run.err.find("bring all"), std::string::npos) << run.err;
+  }
 }
 
 TEST_F(ProxyStage, WhatCannotBeBaked) {

@@ -56,6 +56,7 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("render a.ply -o a.png --aov colour", "--aov");
   expect_usage_error("render a.ply -o a.png --samples 1000", "--samples");
   expect_usage_error("render a.ply -o a.png --turntable -3 ", "--turntable");
+  expect_usage_error("render a.ply -o a.png --turntable 100001", "--turntable");
   expect_usage_error("render a.ply -o a.png --no-such-option", "--no-such-option");
   expect_usage_error("render a.ply -o a.png -o b.png", "-o");
   expect_usage_error("build a.ply -o b.rbvh --levels Q0,Q9", "Q9");
