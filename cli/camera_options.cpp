@@ -8,11 +8,7 @@ namespace {
 constexpr const char* kGroup = "Camera (as f3d's)";
 
 /// All pictures' cameras are made before the first picture is.
-int parse_turns(std::string_view text) {
-  const int turns = parse_positive(text);
-  if (turns > 100000) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is more than 100000");
-  return turns;
-}
+int parse_turns(std::string_view text) { return parse_positive_up_to(text, 100000); }
 
 }  // namespace
 

@@ -35,12 +35,8 @@ std::string parse_output(std::string_view text) {
 }
 
 void open_log(const Context& context) {
-  // spdlog would make the folder.
-  const std::filesystem::path folder = std::filesystem::path(context.log_path).parent_path();
-  std::error_code code;
-  if (!folder.empty() && !std::filesystem::is_directory(folder, code))
-    throw Error(ExitCode::kFailure, context.log_path,
-                "cannot be created: there is no folder " + folder.string() + "; make it first");
+  const std::string folder = std::filesystem::path(context.log_path).parent_path().string();
+  if (!folder.empty()) check_folder(context.log_path, folder);  // spdlog would make it
   try {
     const auto logger = spdlog::basic_logger_mt("file", context.log_path);
     logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l " + context.stage + ": %v");

@@ -57,6 +57,13 @@ int parse_positive(std::string_view text) {
   return value;
 }
 
+int parse_positive_up_to(std::string_view text, int most) {
+  const int value = parse_positive(text);
+  if (value > most)
+    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is more than " + std::to_string(most));
+  return value;
+}
+
 Vec3d parse_vec3(std::string_view text) {
   const auto words = split(text);
   Vec3d v;

@@ -18,6 +18,8 @@ double parse_number(std::string_view text);
 std::int64_t parse_integer(std::string_view text);
 /// An integer of at least 1.
 int parse_positive(std::string_view text);
+/// And of at most `most`.
+int parse_positive_up_to(std::string_view text, int most);
 
 /// "x,y,z".
 Vec3d parse_vec3(std::string_view text);

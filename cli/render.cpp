@@ -49,11 +49,7 @@ std::vector<ExactTraversal> parse_compared(std::string_view text) {
   return tracers;
 }
 
-int parse_samples(std::string_view text) {
-  const int samples = parse_positive(text);
-  if (samples > 256) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is more than 256");
-  return samples;
-}
+int parse_samples(std::string_view text) { return parse_positive_up_to(text, 256); }
 
 // What 8-bit formats would have to show.
 Image::Kind kind_of(Aov aov) {

@@ -173,11 +173,8 @@ std::string create_temporary(const std::string& folder, const std::string& path)
     }
     if (errno == EEXIST && attempt < 1000) continue;
     const int error = errno;
-    struct stat status {};
     if (error == ENOTDIR) fail(path, "cannot be created, as part of its path is no folder", error);
-    if (error == ENOENT && ::stat(folder.c_str(), &status) != 0)
-      throw Error(ExitCode::kFailure, path,
-                  "cannot be created: there is no folder " + folder + "; make it first");
+    if (error == ENOENT) check_folder(path, folder);
     fail(path, "cannot be created", error);
   }
 }
@@ -316,6 +313,13 @@ void install_interrupt_cleanup() {
   ignore.sa_handler = SIG_IGN;
   sigaction(SIGPIPE, &ignore, nullptr);
   sigaction(SIGXFSZ, &ignore, nullptr);
+}
+
+void check_folder(const std::string& path, const std::string& folder) {
+  struct stat status {};
+  if (::stat(folder.c_str(), &status) != 0)
+    throw Error(ExitCode::kFailure, path,
+                "cannot be created: there is no folder " + folder + "; make it first");
 }
 
 void check_output(const std::string& path, bool overwrite) { const OutputFile probe(path, overwrite); }

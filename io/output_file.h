@@ -44,6 +44,9 @@ void commit_all(std::span<OutputFile* const> files);
 /// file size limit become write errors instead of signals. Called once by main.
 void install_interrupt_cleanup();
 
+/// Throws Error(kFailure) where `folder`, in which `path` is to be, does not exist.
+void check_folder(const std::string& path, const std::string& folder);
+
 /// Throws the same Error as OutputFile's constructor would, before any work is done.
 void check_output(const std::string& path, bool overwrite);
 

@@ -258,6 +258,14 @@ static inline uint meet_children_packet(__global const ExactNode* node, const Pa
   return lane_bits16(enter <= leave);
 }
 
+// As open_node().
+static inline uint open_node_packet(__global const ExactNode* node, const Packet* p, float limit, uint* stack,
+                                    float* stack_t, uint* depth) {
+  float16 entry;
+  const uint mask = meet_children_packet(node, p, limit, &entry);
+  return mask == 0 ? 0 : take_children(node->children, 0, mask, entry, stack, stack_t, depth);
+}
+
 // A packet's planes in quanta of a patch's box, as in PatchRay.
 typedef struct PatchPacket {
   float scale[3][2], near[3][2], far[3][2];

@@ -162,10 +162,7 @@ static inline void meet_instance(const Scene* scene, uint at, const Ray* world, 
       if (s->any && s->hit.leaf != RBVH_NO_LEAF) return;
     } else {
       ++s->visited;
-      __global const ExactNode* node = scene->nodes + current;
-      float16 entry;
-      const uint mask = meet_children(node, &q, search_limit(s), &entry);
-      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+      next = open_node(scene->nodes + current, &q, search_limit(s), stack, stack_t, &depth);
     }
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, search_limit(s));
     if (next == 0) return;
@@ -191,10 +188,7 @@ static inline void meet_all(const Scene* scene, const ExactScene* top, const Ray
       if (s->any && s->hit.leaf != RBVH_NO_LEAF) return;
     } else {
       ++s->visited;
-      __global const ExactNode* node = scene->nodes + current;
-      float16 entry;
-      const uint mask = meet_children(node, &q, search_limit(s), &entry);
-      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+      next = open_node(scene->nodes + current, &q, search_limit(s), stack, stack_t, &depth);
     }
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, search_limit(s));
     if (next == 0) return;
@@ -348,13 +342,9 @@ static uint go_to_patch(const Scene* scene, Turn* turn, Search* s, bool is_done)
     }
     if (!(turn->current & EXACT_LEAF_BIT)) {
       ++s->visited;
-      __global const ExactNode* node = scene->nodes + turn->current;
-      float16 entry;
-      const uint mask = meet_children(node, &turn->queries[stage], search_limit(s), &entry);
-      is_done = mask == 0;
-      if (!is_done)
-        turn->current = take_children(node->children, 0, mask, entry, turn->stacks[stage], turn->stacks_t[stage],
-                                      &turn->depths[stage]);
+      turn->current = open_node(scene->nodes + turn->current, &turn->queries[stage], search_limit(s),
+                                turn->stacks[stage], turn->stacks_t[stage], &turn->depths[stage]);
+      is_done = turn->current == 0;
     } else if (stage == AT_INSTANCES) {
       is_done = !enter_instance(scene, turn->current & ~EXACT_LEAF_BIT, turn, s);
     } else {
@@ -514,10 +504,7 @@ static inline void meet_instance_packet(const Scene* scene, uint at, const RayLa
       meet_patch_packet(scene, instance, instance->first_patch + (current & ~EXACT_LEAF_BIT), &p, s, limits, visited);
     } else {
       ++*visited;
-      __global const ExactNode* node = scene->nodes + current;
-      float16 entry;
-      const uint mask = meet_children_packet(node, &p, greatest(vload16(0, limits)), &entry);
-      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+      next = open_node_packet(scene->nodes + current, &p, greatest(vload16(0, limits)), stack, stack_t, &depth);
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
@@ -563,10 +550,7 @@ static inline void meet_all_packet(const Scene* scene, const ExactScene* top, co
       load_limits(&p, s, limits);
     } else {
       ++*visited;
-      __global const ExactNode* node = scene->nodes + current;
-      float16 entry;
-      const uint mask = meet_children_packet(node, &p, greatest(vload16(0, limits)), &entry);
-      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+      next = open_node_packet(scene->nodes + current, &p, greatest(vload16(0, limits)), stack, stack_t, &depth);
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);

@@ -55,15 +55,9 @@ __kernel void meet_instances(__global const ExactNode* nodes, ExactScene top, __
         if (interval.x <= min(interval.y, few_limit(&few, limit)) && !is_done_with(&few, interval.x, instance))
           add_candidate(&few, interval.x, instance);
       } else {
-        __global const ExactNode* node = nodes + current;
-        float16 entry;
-        const uint mask = meet_children(node, &q, few_limit(&few, limit), &entry);
-        if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+        next = open_node(nodes + current, &q, few_limit(&few, limit), stack, stack_t, &depth);
       }
-      while (next == 0 && depth > 0) {
-        --depth;
-        if (stack_t[depth] <= few_limit(&few, limit)) next = stack[depth];
-      }
+      if (next == 0) next = pop_nearer(stack, stack_t, &depth, few_limit(&few, limit));
       if (next == 0) break;
       current = next;
     }

@@ -132,10 +132,7 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
       if (meet_block(tree->primitives, current & ~EXACT_LEAF_BIT, q, found) && any) return visited;
     } else {
       ++visited.x;
-      __global const ExactNode* node = tree->nodes + current;
-      float16 entry;
-      const uint mask = meet_children(node, q, found->t, &entry);
-      if (mask != 0) next = take_children(node->children, 0, mask, entry, stack, stack_t, &depth);
+      next = open_node(tree->nodes + current, q, found->t, stack, stack_t, &depth);
     }
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, found->t);
     if (next == 0) return visited;

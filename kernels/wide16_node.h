@@ -57,6 +57,14 @@ static inline uint take_children(__global const uint* children, uint base, uint 
   return next;
 }
 
+// The nearest of the node's children that the ray meets up to `limit`, 0 for none; the others go on the stack.
+static inline uint open_node(__global const ExactNode* node, const Query* q, float limit, uint* stack, float* stack_t,
+                             uint* depth) {
+  float16 entry;
+  const uint mask = meet_children(node, q, limit, &entry);
+  return mask == 0 ? 0 : take_children(node->children, 0, mask, entry, stack, stack_t, depth);
+}
+
 // Nearest on the stack, if it begins by `limit`; else 0, which is the root and never on it.
 static inline uint pop_nearer(const uint* stack, const float* stack_t, uint* depth, float limit) {
   while (*depth != 0) {
