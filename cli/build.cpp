@@ -45,25 +45,25 @@ struct BuildOptions {
 Refinement parse_refinement(std::string_view text) {
   if (text == "area") return Refinement::kProjectedArea;
   if (text == "cone") return Refinement::kConeOfNormals;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither area nor cone");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is neither area nor cone");
 }
 
 SplitRule parse_split(std::string_view text) {
   if (text == "median") return SplitRule::kSpatialMedian;
   if (text == "sah") return SplitRule::kSurfaceArea;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither median nor sah");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is neither median nor sah");
 }
 
 PartitionWhere parse_partition(std::string_view text) {
   if (text == "device") return PartitionWhere::kDevice;
   if (text == "host") return PartitionWhere::kHost;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither device nor host");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is neither device nor host");
 }
 
 RaysKind parse_rays(std::string_view text) {
   if (text == "coherent") return RaysKind::kCoherent;
   if (text == "incoherent") return RaysKind::kIncoherent;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is neither coherent nor incoherent");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is neither coherent nor incoherent");
 }
 
 constexpr std::pair<std::string_view, Hybrid> kHybrids[] = {
@@ -72,7 +72,7 @@ constexpr std::pair<std::string_view, Hybrid> kHybrids[] = {
 Hybrid parse_hybrid(std::string_view text) {
   for (const auto& [name, hybrid] : kHybrids)
     if (name == text) return hybrid;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of off, auto and always");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of off, auto and always");
 }
 
 // Finest first, whatever order they were asked for in.
@@ -84,13 +84,13 @@ std::vector<LevelConfig> choose_level_configs(const std::vector<std::string>& na
   for (const std::string& name : names)
     if (std::none_of(chosen.begin(), chosen.end(),
                      [&](const LevelConfig& level) { return level.name == name; }))
-      throw Error(ExitCode::kUsage, "", "there is no level '" + name + "'; there are Q0, Q1, Q2, Q3 and Q4");
+      throw Error(ErrorKind::kUsage, "", "there is no level '" + name + "'; there are Q0, Q1, Q2, Q3 and Q4");
   return chosen;
 }
 
 double parse_radius(std::string_view text) {
   const double radius = parse_number(text);
-  if (!(radius > 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  if (!(radius > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
   return radius;
 }
 
@@ -99,7 +99,7 @@ LevelConfig focus_level(const BuildOptions& options) {
 }
 
 void check_focus(const BuildOptions& options) {
-  const auto refuse = [](const char* what) { throw Error(ExitCode::kUsage, "", what); };
+  const auto refuse = [](const char* what) { throw Error(ErrorKind::kUsage, "", what); };
   if (options.focus && options.focus_camera) refuse("--focus and --focus-camera: one of them is wanted");
   if (options.focus && !options.focus_radius) refuse("--focus: how far around it? Add --focus-radius");
   if (options.focus_radius && !options.focus && !options.focus_camera)
@@ -130,10 +130,10 @@ Scan read_ingested(const std::string& path, std::string_view bytes) {
   check_usable(scan, path);
   for (std::size_t i = 0; i < scan.positions.size(); ++i)
     if (!is_finite(scan.positions[i]))
-      throw Error(ExitCode::kInput, path,
+      throw Error(ErrorKind::kInput, path,
                   "vertex " + std::to_string(i) + " is not finite; run rbvh ingest on it first");
   if (scan.is_cloud() && (scan.normals.empty() || scan.radii.empty()))
-    throw Error(ExitCode::kInput, path, "the points have no normals or radii; run rbvh ingest on it first");
+    throw Error(ErrorKind::kInput, path, "the points have no normals or radii; run rbvh ingest on it first");
   return scan;
 }
 
@@ -212,7 +212,7 @@ void run_build(Context& context, const BuildOptions& options) {
     try {
       return work();
     } catch (const Error& error) {
-      throw Error(error.code(), input_name(options.file), error.what());
+      throw Error(error.kind(), input_name(options.file), error.what());
     }
   };
   Rbvh rbvh =

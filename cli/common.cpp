@@ -26,11 +26,11 @@ ProgressMode parse_progress_mode(std::string_view text) {
   if (text == "plain") return ProgressMode::kPlain;
   if (text == "json") return ProgressMode::kJson;
   if (text == "none") return ProgressMode::kNone;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of auto, bar, plain, json, none");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of auto, bar, plain, json, none");
 }
 
 std::string parse_output(std::string_view text) {
-  if (text.empty()) throw Error(ExitCode::kUsage, "", "the name is empty");
+  if (text.empty()) throw Error(ErrorKind::kUsage, "", "the name is empty");
   return std::string(text);
 }
 
@@ -44,7 +44,7 @@ void open_log(const Context& context) {
     logger->flush_on(spdlog::level::debug);
     logger->set_error_handler([](const std::string&) { g_log_failed = true; });
   } catch (const spdlog::spdlog_ex&) {
-    throw Error(ExitCode::kFailure, context.log_path, "the log cannot be written; choose another name");
+    throw Error(ErrorKind::kFailure, context.log_path, "the log cannot be written; choose another name");
   }
 }
 
@@ -86,7 +86,7 @@ void begin_stage(Context& context) {
 void end_stage(Context& context) {
   context.progress.finish();
   if (g_log_failed)
-    throw Error(ExitCode::kFailure, context.log_path, "the log could not be written to its end");
+    throw Error(ErrorKind::kFailure, context.log_path, "the log could not be written to its end");
   if (context.report_path.empty()) return;
   const std::chrono::duration<double> total = std::chrono::steady_clock::now() - context.start;
   context.report["timings"]["total"] = total.count();
@@ -108,7 +108,7 @@ void check_paths_differ(const Context& context, const std::vector<std::string>& 
     return error ? std::filesystem::path(path) : whole;
   };
   if (std::count(inputs.begin(), inputs.end(), "-") > 1)
-    throw Error(ExitCode::kUsage, "", "standard input can be one input only; name files");
+    throw Error(ErrorKind::kUsage, "", "standard input can be one input only; name files");
   for (const std::string& input : inputs)
     if (input != "-") taken.insert(resolve(input));
   for (const std::string& output : outputs) {
@@ -116,7 +116,7 @@ void check_paths_differ(const Context& context, const std::vector<std::string>& 
     std::error_code error;
     if (output.empty() || output == "-" || std::filesystem::is_character_file(output, error)) continue;
     if (!taken.insert(resolve(output)).second)
-      throw Error(ExitCode::kUsage, output,
+      throw Error(ErrorKind::kUsage, output,
                   "is named twice, to be written and read or written; choose another name");
   }
 }
@@ -163,7 +163,7 @@ CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsi
 void refuse_options(const std::vector<const CLI::Option*>& options, const std::string& file,
                     const std::string& why) {
   for (const CLI::Option* option : options)
-    if (option->count() > 0) throw Error(ExitCode::kUsage, file, option->get_name() + " " + why);
+    if (option->count() > 0) throw Error(ErrorKind::kUsage, file, option->get_name() + " " + why);
 }
 
 void print_data(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
@@ -199,7 +199,7 @@ void check_budget(const Context& context, std::uint64_t bytes, const std::string
   const bool is_given = context.memory_budget > 0;
   const std::uint64_t most = is_given ? context.memory_budget : machine_memory();
   if (bytes <= most) return;
-  throw Error(ExitCode::kBudget, file,
+  throw Error(ErrorKind::kBudget, file,
               what + " needs about " + format_bytes(bytes) + ", over the " + format_bytes(most) +
                   (is_given ? " of --memory; raise it or ask for less" : " of this machine; ask for less"));
 }

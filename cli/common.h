@@ -88,7 +88,7 @@ CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target
             try {
               target = parse(text);
             } catch (const Error& error) {
-              throw Error(ExitCode::kUsage, "", name.substr(name.rfind(',') + 1) + ": " + error.what());
+              throw Error(ErrorKind::kUsage, "", name.substr(name.rfind(',') + 1) + ": " + error.what());
             }
           },
           help)

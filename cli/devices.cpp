@@ -25,7 +25,7 @@ void run_devices(bool as_json) {
                  " units, " + format_bytes(info.memory_bytes) + ")\n");
   }
   if (devices.empty())
-    throw Error(ExitCode::kDevice, "",
+    throw Error(ErrorKind::kDevice, "",
                 "no OpenCL device; install one, e.g. the Debian package pocl-opencl-icd");
 }
 

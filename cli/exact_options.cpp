@@ -32,7 +32,7 @@ std::string names_of(const Table& table) {
 
 ExactBuilder parse_builder(std::string_view name) {
   if (const auto found = find_exact_builder(name)) return found->builder;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(name) + "' is none of " + names_of(kExactBuilders));
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(name) + "' is none of " + names_of(kExactBuilders));
 }
 
 ExactTraversal parse_tracer_or_list(std::string_view name) {
@@ -47,7 +47,7 @@ ExactTraversal parse_tracer_or_list(std::string_view name) {
 
 ExactTraversal parse_tracer(std::string_view name) {
   if (const auto found = find_exact_traversal(name)) return found->traversal;
-  throw Error(ExitCode::kUsage, "",
+  throw Error(ErrorKind::kUsage, "",
               "'" + std::string(name) + "' is none of " + names_of(kExactTraversals) + "; see --tracer list");
 }
 
@@ -66,7 +66,7 @@ ExactConfig exact_config(const ExactOptions& options, std::optional<ExactTravers
   config.traversal = tracer.value_or(options.tracer.value_or(kExactTraversals[0].traversal));
   config.builder = options.builder.value_or(default_builder(config.traversal));
   if (info(config.builder).tree != info(config.traversal).tree)
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 std::string("--builder ") + info(config.builder).name + " does not fit --tracer " +
                     info(config.traversal).name + "; see --tracer list");
   return config;
@@ -89,9 +89,9 @@ void check_exact_options(const Context& context, const ExactOptions& options, co
   if (subject.scene()) return;  // whichever of its objects are scans
   if (subject.rbvh()) {
     if (options.tracer || options.builder)
-      throw Error(ExitCode::kUsage, subject.path, "--tracer and --builder are for scans; this is a pair");
+      throw Error(ErrorKind::kUsage, subject.path, "--tracer and --builder are for scans; this is a pair");
   } else if (subject.is_cloud && !info(config.traversal).discs) {
-    throw Error(ExitCode::kUsage, subject.path,
+    throw Error(ErrorKind::kUsage, subject.path,
                 std::string("--tracer ") + info(config.traversal).name +
                     " casts triangles only, and this is a cloud; take " + kExactTraversals[0].name);
   }

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "cli/subject.h"
-#include "pipeline/exact/trace_exact.h"
+#include "pipeline/trace/trace_exact.h"
 
 namespace rbvh {
 

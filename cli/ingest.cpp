@@ -21,30 +21,30 @@ struct IngestOptions {
 
 Outliers parse_outliers(std::string_view text) {
   const std::vector<std::string> words = parse_list(text);
-  if (words.size() != 2) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not K,SIGMA");
+  if (words.size() != 2) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not K,SIGMA");
   Outliers outliers{.neighbors = static_cast<std::size_t>(parse_positive(words[0])),
                     .sigma = parse_number(words[1])};
-  if (outliers.sigma <= 0) throw Error(ExitCode::kUsage, "", "SIGMA must be above 0");
+  if (outliers.sigma <= 0) throw Error(ErrorKind::kUsage, "", "SIGMA must be above 0");
   return outliers;
 }
 
 double parse_size(std::string_view text) {
   const double size = parse_number(text);
-  if (size <= 0) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  if (size <= 0) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
   return size;
 }
 
 double parse_fraction(std::string_view text) {
   const double fraction = parse_number(text);
   if (fraction < 0 || fraction > 1)
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 0 and 1");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 0 and 1");
   return fraction;
 }
 
 std::size_t parse_neighbors(std::string_view text) {
   const int count = parse_positive(text);
   if (count < 3 || count > 1000)
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not 3 to 1000");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not 3 to 1000");
   return static_cast<std::size_t>(count);
 }
 
@@ -70,7 +70,7 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
     try {
       merge_scan(all, std::move(scan));
     } catch (const Error& error) {
-      throw Error(error.code(), inputs[i], error.what());
+      throw Error(error.kind(), inputs[i], error.what());
     }
     check_memory(context, all, inputs[i]);
   }
@@ -151,7 +151,7 @@ void note_figures(Context& context, const IngestReport& counts, const Scan& scan
 void check_extension(const std::string& output) {
   const std::string extension = std::filesystem::path(output).extension().string();
   for (const char* other : {".obj", ".stl", ".off", ".pcd", ".xyz", ".csv", ".txt", ".las", ".rbvh"})
-    if (extension == other) throw Error(ExitCode::kUsage, output, "ingest writes PLY; name the output .ply");
+    if (extension == other) throw Error(ErrorKind::kUsage, output, "ingest writes PLY; name the output .ply");
 }
 
 void run_ingest(Context& context, const IngestOptions& options) {

@@ -13,7 +13,7 @@ constexpr std::size_t kPointColumns[] = {3};
 double parse_layer_scale(std::string_view text) {
   const double scale = parse_number(text);
   if (!(scale >= 1.0 / 16 && scale <= 16))
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 0.0625 and 16");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 0.0625 and 16");
   return scale;
 }
 
@@ -22,7 +22,7 @@ std::string parse_layer_name(std::string_view text) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
   };
   if (text.empty() || text.size() > 32 || !std::all_of(text.begin(), text.end(), is_part))
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 "'" + std::string(text) + "' is no layer's name: 1 to 32 letters, digits, _ and -");
   return std::string(text);
 }
@@ -44,7 +44,7 @@ std::vector<Vec3f> read_points(const Context& context, const std::string& path) 
 
 float parse_distance(std::string_view text) {
   const auto value = static_cast<float>(parse_number(text));
-  if (!(value >= 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is below 0");
+  if (!(value >= 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is below 0");
   return value;
 }
 

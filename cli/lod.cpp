@@ -25,7 +25,7 @@ struct LodOptions {
 
 double parse_percent(std::string_view text) {
   const double value = parse_number(text);
-  if (!(value > 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  if (!(value > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
   return value;
 }
 
@@ -36,7 +36,7 @@ std::string names_of(const std::vector<Level>& levels) {
 }
 
 [[noreturn]] void refuse_level(const Subject& pair, const std::string& name) {
-  throw Error(ExitCode::kUsage, pair.path,
+  throw Error(ErrorKind::kUsage, pair.path,
               "there is no level '" + name + "'; there are " + names_of(pair.rbvh()->levels) +
                   ", and standard levels coarser than the finest of them can be derived");
 }
@@ -58,7 +58,7 @@ class Lod {
                        {context_.output, atlas_path(context_.output)});
     check_pair_output(context_);
     Stopwatch watch;
-    if (!is_rbvh(options_.file)) throw Error(ExitCode::kInput, options_.file, "is no .rbvh pair");
+    if (!is_rbvh(options_.file)) throw Error(ErrorKind::kInput, options_.file, "is no .rbvh pair");
     pair_ = load_subject(context_, options_.file);
     Rbvh& rbvh = std::get<Rbvh>(pair_.content);
     const double load_seconds = watch.lap();
@@ -118,7 +118,7 @@ class Lod {
       std::erase_if(rbvh.levels, [&](const Level& level) { return !is_in(options_.levels, level.name); });
     }
     std::erase_if(rbvh.levels, [&](const Level& level) { return is_in(options_.dropped, level.name); });
-    if (rbvh.levels.empty()) throw Error(ExitCode::kUsage, options_.file, "--drop: no level would be left");
+    if (rbvh.levels.empty()) throw Error(ErrorKind::kUsage, options_.file, "--drop: no level would be left");
   }
 
   // With the scan at hand, what has not been measured is.
@@ -130,7 +130,7 @@ class Lod {
     const Subject exact = load_against(context_, pair_, options_.against);
     // Here it is not only said: the pair would keep the figures for good.
     if (const auto other = find_other_scan(pair_, exact))
-      throw Error(ExitCode::kInput, options_.against, *other);
+      throw Error(ErrorKind::kInput, options_.against, *other);
     MeasureConfig config;
     config.views = options_.views;
     config.images = config.distances = true;
@@ -146,7 +146,7 @@ class Lod {
     for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
       const double error = error_percent(rbvh.levels[i].fidelity);
       if (std::isnan(error))
-        throw Error(ExitCode::kInput, options_.file,
+        throw Error(ErrorKind::kInput, options_.file,
                     "level " + rbvh.levels[i].name +
                         (options_.against.empty()
                              ? " was not measured; build with --measure, or name the scan with --against"
@@ -155,7 +155,7 @@ class Lod {
       if (error <= most) chosen = i;  // finest first: the last one is the smallest
     }
     if (chosen == rbvh.levels.size())
-      throw Error(ExitCode::kBudget, options_.file,
+      throw Error(ErrorKind::kBudget, options_.file,
                   "no level is within an error of " + number(most) + "% of the diagonal; the best has " +
                       number(least) + "%");
     rbvh.levels = {std::move(rbvh.levels[chosen])};
@@ -185,7 +185,7 @@ class Lod {
       }
       if (rbvh.levels.empty())
         throw Error(
-            ExitCode::kBudget, options_.file,
+            ErrorKind::kBudget, options_.file,
             "no level fits into " + format_bytes(most) + "; the smallest takes " + format_bytes(smallest()));
       RbvhBytes bytes = write_rbvh(context_.output, rbvh, context_.force, most);
       if (bytes.hierarchy + bytes.atlas <= most) return bytes;
@@ -210,16 +210,17 @@ class Lod {
 
 void add_lod(CLI::App& app, Context& context) {
   const auto options = std::make_shared<LodOptions>();
-  CLI::App* stage = add_stage(
-      app, context,
-      {"lod", "Make a smaller pair: fewer or coarser levels",
-       "rbvh lod dragon.rbvh --max-bytes 2MB -o small.rbvh"},
-      kWithOutput | kWithDevice | kWithReport, [&context, options] {
-        if (options->levels.empty() && options->dropped.empty() && !options->most_bytes &&
-            !options->most_error)
-          throw Error(ExitCode::kUsage, "", "say which levels: --levels, --drop, --max-bytes or --max-error");
-        Lod(context, *options).run();
-      });
+  CLI::App* stage =
+      add_stage(app, context,
+                {"lod", "Make a smaller pair: fewer or coarser levels",
+                 "rbvh lod dragon.rbvh --max-bytes 2MB -o small.rbvh"},
+                kWithOutput | kWithDevice | kWithReport, [&context, options] {
+                  if (options->levels.empty() && options->dropped.empty() && !options->most_bytes &&
+                      !options->most_error)
+                    throw Error(ErrorKind::kUsage, "",
+                                "say which levels: --levels, --drop, --max-bytes or --max-error");
+                  Lod(context, *options).run();
+                });
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q1,Q3",
              "keep these; one that is not there is derived from the finest");

@@ -9,6 +9,7 @@
 #include <new>
 
 #include "cli/common.h"
+#include "cli/exit_code.h"
 #include "cli/stages.h"
 #include "io/output_file.h"
 
@@ -42,21 +43,21 @@ std::string stage_names(const CLI::App& app) {
 // Checks the first word here: what CLI11 says about it does not help.
 void check_stage_word(const CLI::App& app, const char* word) {
   if (!word)
-    throw Error(ExitCode::kUsage, "", "which stage? One of " + stage_names(app) + "; see rbvh --help");
+    throw Error(ErrorKind::kUsage, "", "which stage? One of " + stage_names(app) + "; see rbvh --help");
   if (std::strcmp(word, "-h") == 0 || std::strcmp(word, "--help") == 0 || std::strcmp(word, "--version") == 0)
     return;
   if (word[0] == '-')
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 "'" + std::string(word) + "': options follow the stage's name; see rbvh --help");
   if (app.get_subcommands([word](const CLI::App* stage) { return stage->get_name() == word; }).empty())
     throw Error(
-        ExitCode::kUsage, "",
+        ErrorKind::kUsage, "",
         "'" + std::string(word) + "' is no stage; there are " + stage_names(app) + "; see rbvh --help");
 }
 
 void flush_stdout() {
   if (std::fflush(stdout) != 0 || std::ferror(stdout))
-    throw Error(ExitCode::kFailure, "",
+    throw Error(ErrorKind::kFailure, "",
                 std::string("standard output cannot be written: ") + std::strerror(errno));
 }
 
@@ -82,7 +83,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
     print_data(std::string("rbvh ") + RBVH_VERSION + "\n");
   } catch (const CLI::Success&) {  // an option that was all that was wanted
   } catch (const CLI::ParseError& error) {
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 one_line(error.what()) + "; see rbvh " + (context.stage.empty() ? "" : context.stage + " ") +
                     "--help");
   }
@@ -106,7 +107,10 @@ int main(int argc, char** argv) {
   try {
     rbvh::run(app, context, argc, argv);
   } catch (const rbvh::Error& error) {
-    code = error.code();
+    code = rbvh::exit_code(error.kind());
+    what = error.what();
+  } catch (const rbvh::BatchFailure& error) {
+    code = ExitCode::kBatch;
     what = error.what();
   } catch (const std::bad_alloc&) {
     code = ExitCode::kBudget;

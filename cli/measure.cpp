@@ -25,7 +25,7 @@ constexpr double kControlOffset = 0.25;  // where in the pixel, both ways; the p
 std::uint32_t parse_side(std::string_view text) {
   const std::int64_t side = parse_integer(text);
   if (side < 16 || side > 16384)
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
   return static_cast<std::uint32_t>(side);
 }
 

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "cli/subject.h"
+#include "pipeline/measure/fidelity.h"
+#include "pipeline/measure/image_error.h"
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/proxy/proxy.h"
-#include "pipeline/rbvh/fidelity.h"
-#include "pipeline/rbvh/surface_distance.h"
-#include "pipeline/render/image_error.h"
 
 namespace rbvh {
 

@@ -8,7 +8,7 @@ namespace rbvh {
 namespace {
 
 [[noreturn]] void refuse(std::string_view text, const std::string& what) {
-  throw Error(ExitCode::kUsage, std::string(text),
+  throw Error(ErrorKind::kUsage, std::string(text),
               what + "; the fields are {name}, {level}, {frame} and {frame:03}");
 }
 

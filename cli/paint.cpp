@@ -31,7 +31,7 @@ Paint read_paint(const Context& context, const PaintOptions& options) {
   check_read_budget(context, options.values);
   Paint paint{read_points(context, options.points), read_npy(options.values, kColumns)};
   if (paint.values.rows != paint.points.size())
-    throw Error(ExitCode::kInput, options.values,
+    throw Error(ErrorKind::kInput, options.values,
                 "has " + std::to_string(paint.values.rows) + " rows for the " +
                     std::to_string(paint.points.size()) + " points of " + options.points);
   return paint;
@@ -42,17 +42,17 @@ Layer& layer_of(Level& level, const PaintOptions& options, std::size_t channels)
   for (Layer& layer : level.layers) {
     if (layer.name != options.layer) continue;
     if (sample_width(layer) != channels)
-      throw Error(ExitCode::kUsage, options.file,
+      throw Error(ErrorKind::kUsage, options.file,
                   "layer " + layer.name + " has " + std::to_string(sample_width(layer)) +
                       " values a point; there are " + std::to_string(channels) + " in " + options.values);
     if (options.scale)
-      throw Error(ExitCode::kUsage, options.file,
+      throw Error(ErrorKind::kUsage, options.file,
                   "layer " + layer.name + " of level " + level.name +
                       " is there and has its resolution; --layer-scale is for new ones");
     return layer;
   }
   if (is_standard_layer(options.layer))
-    throw Error(ExitCode::kUsage, options.file,
+    throw Error(ErrorKind::kUsage, options.file,
                 "level " + level.name + " has no layer " + options.layer + " to paint on");
   level.layers.push_back(
       make_layer(level, options.layer, static_cast<std::uint32_t>(channels), options.scale.value_or(1)));
@@ -63,9 +63,9 @@ void run_paint(Context& context, const PaintOptions& options) {
   const bool from_scan = !options.scan.empty();
   if (from_scan == (!options.points.empty() || !options.values.empty()) ||
       options.points.empty() != options.values.empty())
-    throw Error(ExitCode::kUsage, "", "what is to be painted? --points with --values, or --scan");
+    throw Error(ErrorKind::kUsage, "", "what is to be painted? --points with --values, or --scan");
   if (options.layer == "height" || options.layer == "normal" || (from_scan && options.layer == "color"))
-    throw Error(ExitCode::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
+    throw Error(ErrorKind::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
   // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
   const std::string output = context.output.empty() ? options.file : context.output;
   std::vector<std::string> inputs = {options.points, options.values, options.scan};
@@ -75,7 +75,7 @@ void run_paint(Context& context, const PaintOptions& options) {
     check_rbvh_output(output, context.force);
   else
     check_pair_output(context);
-  if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
+  if (!is_rbvh(options.file)) throw Error(ErrorKind::kInput, options.file, "is no .rbvh pair");
 
   Stopwatch watch;
   Paint paint;

@@ -7,7 +7,7 @@ namespace rbvh {
 void check_pair_output(const Context& context) {
   const std::filesystem::path path = context.output;
   if (path.has_extension() && path.extension() != ".rbvh")
-    throw Error(ExitCode::kUsage, context.output,
+    throw Error(ErrorKind::kUsage, context.output,
                 "a pair is NAME.rbvh and NAME.atlas.tif beside it; name the output " +
                     std::filesystem::path(path).replace_extension(".rbvh").string());
   check_rbvh_output(context.output, context.force);

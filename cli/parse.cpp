@@ -11,7 +11,7 @@ namespace rbvh {
 namespace {
 
 [[noreturn]] void refuse(std::string_view text, const std::string& wanted) {
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not " + wanted);
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not " + wanted);
 }
 
 // from_chars takes no leading '+', which people write.
@@ -60,7 +60,7 @@ int parse_positive(std::string_view text) {
 int parse_positive_up_to(std::string_view text, int most) {
   const int value = parse_positive(text);
   if (value > most)
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is more than " + std::to_string(most));
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is more than " + std::to_string(most));
   return value;
 }
 

@@ -52,7 +52,7 @@ struct ProxyOptions {
 double parse_percent(std::string_view text) {
   const double percent = parse_number(text);
   if (!(percent > 0 && percent <= 100))
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0 and up to 100 percent");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0 and up to 100 percent");
   return percent;
 }
 
@@ -62,21 +62,21 @@ double parse_percent_as_fraction(std::string_view text) { return parse_percent(t
 double parse_displacement(std::string_view text) {
   const double value = parse_number(text);
   if (!(std::abs(value) <= double{kLargestProxyValue}))
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is beyond 1e18");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is beyond 1e18");
   return value;
 }
 
 double parse_component(std::string_view text) {
   const double percent = parse_number(text);
   if (!(percent >= 0 && percent <= 100))
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not 0 to 100 percent");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not 0 to 100 percent");
   return percent / 100;
 }
 
 std::uint32_t parse_side(std::string_view text) {
   const std::int64_t side = parse_integer(text);
   if (side < 3 || side > 1025 || !std::has_single_bit(static_cast<std::uint64_t>(side - 1)))
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of 3, 5, 9, 17, 33, 65 ... 1025");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of 3, 5, 9, 17, 33, 65 ... 1025");
   return static_cast<std::uint32_t>(side);
 }
 
@@ -84,7 +84,7 @@ VdmSpace parse_space(std::string_view text) {
   if (text == "object") return VdmSpace::kObject;
   if (text == "world") return VdmSpace::kWorld;
   if (text == "tangent") return VdmSpace::kTangent;
-  throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is none of object, world and tangent");
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of object, world and tangent");
 }
 
 struct Input {
@@ -106,7 +106,7 @@ Input read_mesh(Context& context, const ProxyOptions& options) {
     if (const Vec3f& p = input.scan.positions[i];
         !(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= kLargestProxyValue) || !is_finite(p))
       throw Error(
-          ExitCode::kInput, options.file,
+          ErrorKind::kInput, options.file,
           "vertex " + std::to_string(i) +
               (is_finite(p) ? " is too large: beyond 1e18" : " is not finite; run rbvh ingest on it first"));
   check_budget(context, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
@@ -214,7 +214,7 @@ void warn_of(Context& context, const std::string& file, const ImportReport& coun
 void run_import(Context& context, const ProxyOptions& options) {
   if (options.patches || options.max_error_percent || options.detail || options.min_component)
     throw Error(
-        ExitCode::kUsage, "",
+        ErrorKind::kUsage, "",
         "--patches, --max-error, --detail and --min-component are for baking a scan, and --vdm brings a map");
   ImportConfig config;
   config.convention = convention_of(options.vdm);
@@ -260,7 +260,7 @@ void run_import(Context& context, const ProxyOptions& options) {
 
 void run_proxy(Context& context, const ProxyOptions& options) {
   if (options.vdm.map.empty() && options.vdm.any())
-    throw Error(ExitCode::kUsage, "", "--vdm-... say how to read a map; name it by --vdm MAP");
+    throw Error(ErrorKind::kUsage, "", "--vdm-... say how to read a map; name it by --vdm MAP");
   check_paths_differ(context, {options.file, options.vdm.map},
                      {context.output, proxy_map_path(context.output), proxy_sidecar_path(context.output)});
   check_proxy_output(context.output, context.force);

@@ -35,7 +35,7 @@ struct RenderOptions {
 
 Aov parse_aov(std::string_view text) {
   if (const auto aov = find_aov(text)) return *aov;
-  throw Error(ExitCode::kUsage, "",
+  throw Error(ErrorKind::kUsage, "",
               "'" + std::string(text) + "' is none of shaded, normal, depth, position, leaf, steps");
 }
 
@@ -44,7 +44,7 @@ std::vector<ExactTraversal> parse_compared(std::string_view text) {
   std::vector<ExactTraversal> tracers;
   for (const std::string& name : parse_list(text)) tracers.push_back(parse_tracer(name));
   if (tracers.size() != 2)
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 "'" + std::string(text) + "' is not two tracers, such as wide16,bvh-stack");
   return tracers;
 }
@@ -57,7 +57,7 @@ Image::Kind kind_of(Aov aov) {
 }
 
 [[noreturn]] void refuse_same_name(const std::string& file) {
-  throw Error(ExitCode::kUsage, file,
+  throw Error(ErrorKind::kUsage, file,
               "another input has the same name without extension, so would its picture; render it by itself");
 }
 
@@ -69,7 +69,7 @@ void check_names(const RenderOptions& options, const NameTemplate& names, std::s
   const auto require = [&](bool many, const char* what, const char* field) {
     if (many && !names.has(field))
       throw Error(
-          ExitCode::kUsage, names.text(),
+          ErrorKind::kUsage, names.text(),
           std::string("several ") + what + " would go to one picture; put {" + field + "} in the name");
   };
   require(options.files.size() > 1, "files", "name");
@@ -84,7 +84,7 @@ void check_names(const RenderOptions& options, const NameTemplate& names, std::s
 // Options that the pictures asked for have no use for.
 void check_use(const RenderOptions& options) {
   if (options.aov != Aov::kShaded && (options.samples > 0 || !options.color_layer.empty()))
-    throw Error(ExitCode::kUsage, "", "--samples and --color-layer are for shaded pictures");
+    throw Error(ErrorKind::kUsage, "", "--samples and --color-layer are for shaded pictures");
   check_proxy_options(options.proxies, options.files);
 }
 
@@ -138,7 +138,7 @@ class Renderer {
     Stopwatch watch;
     const Subject subject = load_subject(context_, path, options_.proxies.tessellate);
     if (!subject.scan() && !options_.compared.empty())
-      throw Error(ExitCode::kUsage, path,
+      throw Error(ErrorKind::kUsage, path,
                   std::string("--compare is for scans; this is a ") + (subject.rbvh() ? "pair" : "scene"));
     for (const ExactConfig& config : configs_) check_exact_options(context_, options_.exact, config, subject);
     for (const ExactConfig& config : configs_) {
@@ -233,7 +233,7 @@ class Renderer {
     const Level* level = subject.rbvh() ? subject.rbvh()->find_level(name) : nullptr;
     const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
     if (!layer || is_standard_layer(layer->name))
-      throw Error(ExitCode::kUsage, subject.path,
+      throw Error(ErrorKind::kUsage, subject.path,
                   "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
     surface.colors =
         value_colors(sample_layer_at_hits(*level, *layer, hits), sample_width(*layer), layer->lo, layer->hi);

@@ -21,7 +21,7 @@ struct SampleOptions {
 void run_sample(Context& context, const SampleOptions& options) {
   check_paths_differ(context, {options.file, atlas_path(options.file), options.points}, {context.output});
   check_output(context.output, context.force);
-  if (!is_rbvh(options.file)) throw Error(ExitCode::kInput, options.file, "is no .rbvh pair");
+  if (!is_rbvh(options.file)) throw Error(ErrorKind::kInput, options.file, "is no .rbvh pair");
   Stopwatch watch;
   const std::vector<Vec3f> points = read_points(context, options.points);
   const Subject pair = load_subject(context, options.file);
@@ -30,7 +30,7 @@ void run_sample(Context& context, const SampleOptions& options) {
   if (layer == nullptr) {
     std::string there;
     for (const Layer& each : level.layers) there += (there.empty() ? "" : ", ") + each.name;
-    throw Error(ExitCode::kUsage, options.file,
+    throw Error(ErrorKind::kUsage, options.file,
                 "level " + level.name + " has no layer '" + options.layer + "'; there are " + there);
   }
   const double load_seconds = watch.lap();

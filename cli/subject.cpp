@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "cli/exit_code.h"
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
@@ -55,20 +56,20 @@ std::vector<std::string> parse_level_list(std::string_view text) {
   try {
     return parse_list(text);
   } catch (const Error& error) {
-    throw Error(ExitCode::kUsage, "", std::string("--level: ") + error.what());
+    throw Error(ErrorKind::kUsage, "", std::string("--level: ") + error.what());
   }
 }
 
 double parse_pixels(std::string_view text) {
   const double pixels = parse_number(text);
-  if (!(pixels > 0)) throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  if (!(pixels > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
   return pixels;
 }
 
 std::uint32_t parse_tessellate(std::string_view text) {
   const std::int64_t level = parse_integer(text);
   if (level < 0 || level > PATCH_MOST_LEVEL)
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 "'" + std::string(text) + "' is not between 0 and " + std::to_string(PATCH_MOST_LEVEL));
   return static_cast<std::uint32_t>(level);
 }
@@ -93,14 +94,14 @@ SceneObject load_proxy_object(Context& context, const std::string& path, std::op
 SceneObject load_object(Context& context, const SceneFile::Object& file, std::optional<std::uint32_t> most) {
   const bool is_pair = is_rbvh(file.path);
   if (!file.level.empty() && !is_pair)
-    throw Error(ExitCode::kInput, file.path,
+    throw Error(ErrorKind::kInput, file.path,
                 "object \"" + file.name + "\" names a level, and this is no pair");
   SceneObject object;
   if (is_pair) {
     Rbvh rbvh = load_pair(context, file.path);
     const Level* level = rbvh.find_level(file.level);
     if (level == nullptr)
-      throw Error(ExitCode::kInput, file.path,
+      throw Error(ErrorKind::kInput, file.path,
                   "there is no level '" + file.level + "' for object \"" + file.name + "\"");
     object.bounds = rbvh.source.bounds;
     object.content = std::move(rbvh.levels[static_cast<std::size_t>(level - rbvh.levels.data())]);
@@ -221,7 +222,7 @@ std::vector<std::string> choose_levels(Context& context, const Subject& subject,
     } else if (std::find(present.begin(), present.end(), name) != present.end()) {
       choose(name);
     } else {
-      throw Error(ExitCode::kUsage, subject.path,
+      throw Error(ErrorKind::kUsage, subject.path,
                   fmt::format("there is no level '{}'; there are {}", name, fmt::join(present, ", ")));
     }
   }
@@ -239,7 +240,7 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
   else
     leaves = level_of(subject, level).leaves.size();
   if (leaves > kMostNumbers)
-    throw Error(ExitCode::kInput, subject.path,
+    throw Error(ErrorKind::kInput, subject.path,
                 std::to_string(leaves) +
                     " leaves or primitives are more than the 16777216 that a float32 can number");
 }
@@ -247,7 +248,7 @@ void check_leaf_numbers(const Subject& subject, const std::string& level) {
 void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config) {
   const Scene* scene = subject.scene();
   if (scene == nullptr) return;
-  std::uint64_t bytes = scene->instances.size() * (sizeof(SceneInstance) + sizeof(ExactNode));
+  std::uint64_t bytes = scene->instances.size() * (sizeof(SceneInstance) + sizeof(WideNode));
   bool has_proxy = false;
   for (const SceneObject& object : scene->objects) {
     if (object.scan() != nullptr) {
@@ -267,7 +268,7 @@ void check_cast_budget(const Context& context, const Subject& subject, const Sce
 Caster make_caster(const Device& device, const Subject& subject, const std::string& level,
                    const SceneConfig& config, float spread) {
   if (subject.rbvh() && level == "auto") return make_footprint_tracer(device, *subject.rbvh(), spread);
-  if (subject.rbvh()) return make_rbvh_tracer(device, level_of(subject, level));
+  if (subject.rbvh()) return make_tile_tracer(device, level_of(subject, level));
   if (const Scene* scene = subject.scene()) return make_scene_tracer(device, *scene, config);
   return make_exact_tracer(device, *subject.scan(), config.exact);
 }
@@ -327,20 +328,21 @@ std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
 void for_each_file(Context& context, const std::vector<std::string>& paths,
                    const std::function<void(const std::string&)>& work) {
   std::size_t failed = 0;
-  ExitCode first = ExitCode::kOk;
+  ErrorKind first{};
   for (const std::string& path : paths) {
     try {
       work(path);
     } catch (const Error& error) {
-      if (paths.size() == 1 || error.code() == ExitCode::kUsage || error.code() == ExitCode::kDevice) throw;
+      if (paths.size() == 1 || error.kind() == ErrorKind::kUsage || error.kind() == ErrorKind::kDevice) throw;
       print_error(context, error.what());
-      if (failed++ == 0) first = error.code();
+      if (failed++ == 0) first = error.kind();
     }
   }
-  if (failed > 0)
-    throw Error(
-        failed == paths.size() ? first : ExitCode::kBatch, "",
-        std::to_string(failed) + " of " + std::to_string(paths.size()) + " files failed, as said above");
+  if (failed == 0) return;
+  const std::string said =
+      std::to_string(failed) + " of " + std::to_string(paths.size()) + " files failed, as said above";
+  if (failed == paths.size()) throw Error(first, "", said);
+  throw BatchFailure(said);
 }
 
 void add_proxy_options(CLI::App& stage, ProxyCastOptions& options, bool pictures) {
@@ -364,7 +366,7 @@ void check_proxy_options(const ProxyCastOptions& options, const std::vector<std:
 
 void report_proxies(Context& context, const Caster& caster) {
   const SceneTracer* scene = std::get_if<SceneTracer>(&caster);
-  const ProxyTracer* tracer = scene != nullptr ? proxy_tracer(*scene) : nullptr;
+  const PatchTracer* tracer = scene != nullptr ? patch_tracer(*scene) : nullptr;
   if (tracer == nullptr) return;
   const ProxyStats& s = stats(*tracer);
   const ProxyBytes b = bytes(*tracer);
@@ -385,7 +387,7 @@ CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels,
         for (const std::string& word : words)
           for (const std::string& name : parse_level_list(word)) levels.push_back(name);
         if (!several && (levels.size() > 1 || levels[0] == "all"))
-          throw Error(ExitCode::kUsage, "", "--level: one level is wanted");
+          throw Error(ErrorKind::kUsage, "", "--level: one level is wanted");
       },
       several ? "levels with commas between, or all (default: the finest; paint and validate: all); of "
                 "render also "

@@ -10,14 +10,14 @@
 
 #include "cli/common.h"
 #include "io/rbvh_file.h"
-#include "pipeline/exact/trace_exact.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/rbvh/trace_footprint.h"
-#include "pipeline/rbvh/trace_rbvh.h"
 #include "pipeline/render/shade.h"
 #include "pipeline/scan/scan.h"
 #include "pipeline/scene/scene.h"
-#include "pipeline/scene/trace_scene.h"
+#include "pipeline/trace/trace_exact.h"
+#include "pipeline/trace/trace_footprint.h"
+#include "pipeline/trace/trace_scene.h"
+#include "pipeline/trace/trace_tile.h"
 
 namespace rbvh {
 
@@ -65,7 +65,7 @@ void check_leaf_numbers(const Subject& subject, const std::string& level);
 /// of scans, maps of proxies, their patch cache. (check_exact_options() sees to a scan alone.)
 void check_cast_budget(const Context& context, const Subject& subject, const SceneConfig& config);
 
-using Caster = std::variant<RbvhTracer, ExactTracer, FootprintTracer, SceneTracer>;
+using Caster = std::variant<TileTracer, ExactTracer, FootprintTracer, SceneTracer>;
 
 /// `level` is one of choose_levels(); `config` is how scans and proxies are cast; `spread`: of "auto", see
 /// FootprintTracer.
@@ -82,8 +82,8 @@ std::vector<Hit> cast_camera(const Caster& caster, const CameraRays& rays,
                              std::vector<std::uint32_t>* steps = nullptr);
 
 /// Runs `work` for each path. Of one path, its error is thrown; of several, each error is a line, the others
-/// are done, and Error(kBatch) is thrown at the end (the first one's code where all failed). Usage and device
-/// errors stop at once.
+/// are done, and BatchFailure is thrown at the end (where all failed, an Error of the first one's kind).
+/// Usage and device errors stop at once.
 void for_each_file(Context& context, const std::vector<std::string>& paths,
                    const std::function<void(const std::string&)>& work);
 

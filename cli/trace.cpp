@@ -22,7 +22,7 @@ constexpr float kLeastSquare = 1e-20f, kMostSquare = 1e20f;
 double parse_cone(std::string_view text) {
   const double angle = parse_number(text);
   if (!(angle >= 0 && angle < 180))
-    throw Error(ExitCode::kUsage, "", "'" + std::string(text) + "' is not between 0 and 180 degrees");
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 0 and 180 degrees");
   return angle;
 }
 
@@ -76,7 +76,7 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
 void run_trace(Context& context, const TraceOptions& options) {
   const ExactConfig exact = exact_config(options.exact);
   if ((options.levels == std::vector<std::string>{"auto"}) != options.cone.has_value())
-    throw Error(ExitCode::kUsage, "", "--level auto and --cone go together");
+    throw Error(ErrorKind::kUsage, "", "--level auto and --cone go together");
   check_proxy_options(options.proxies, {options.file});
   check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
@@ -86,7 +86,7 @@ void run_trace(Context& context, const TraceOptions& options) {
   const Subject subject = load_subject(context, options.file);
   check_exact_options(context, options.exact, exact, subject);
   if (options.cone && !subject.rbvh())
-    throw Error(ExitCode::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
+    throw Error(ErrorKind::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
   const std::string level = choose_levels(context, subject, options.levels, true).front();
   check_leaf_numbers(subject, level);
   check_budget(context, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float), options.rays,

@@ -41,7 +41,7 @@ Json pair_json(const Rbvh& rbvh) {
 void make_folder(const std::string& path) {
   std::error_code code;
   std::filesystem::create_directories(path, code);
-  if (code) throw Error(ExitCode::kFailure, path, "the folder cannot be made: " + code.message());
+  if (code) throw Error(ErrorKind::kFailure, path, "the folder cannot be made: " + code.message());
 }
 
 Json distribution_json(const Distribution& d) {
@@ -228,7 +228,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
   const bool is_pair = is_rbvh(options.file), is_of_quads = is_proxy(options.file),
              places = is_scene(options.file);
   if (!is_pair && !is_of_quads && !options.against.empty())
-    throw Error(ExitCode::kUsage, options.file,
+    throw Error(ErrorKind::kUsage, options.file,
                 std::string("--against compares the levels of an .rbvh, or a proxy, and this is a ") +
                     (places ? "scene" : "scan"));
   if (!is_pair) refuse_options(options.of_pairs, options.file, "is for pairs, and this is none");
@@ -241,7 +241,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
     if (is_of_quads) proxy = load_proxy(options.file, &header);
     json = check_file(context, options.file, subject, proxy);
   } catch (const Error& error) {
-    if (options.as_json && error.code() == ExitCode::kInput)
+    if (options.as_json && error.kind() == ErrorKind::kInput)
       print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
     throw;
   }

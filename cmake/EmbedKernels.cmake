@@ -1,7 +1,7 @@
-# Writes OUT: a table of every kernel file's name and text, as raw strings cut to stay under compilers' literal limit.
+# Writes OUT: a table of every kernel file's path below ROOT and its text, as raw strings cut to stay under compilers' literal limit.
 set(rows "")
 foreach(file IN LISTS FILES)
-  get_filename_component(name ${file} NAME)
+  file(RELATIVE_PATH name ${ROOT} ${file})
   file(READ ${file} text)
   string(LENGTH "${text}" length)
   set(pieces "\"\"")

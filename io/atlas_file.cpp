@@ -66,12 +66,13 @@ bool write_layer(OIIO::ImageOutput& out, const Level& level, const Layer& layer)
 
 [[noreturn]] void write_failed(const std::string& path, std::string why) {
   std::replace(why.begin(), why.end(), '\n', ' ');
-  throw Error(ExitCode::kFailure, path, "cannot be written: " + (why.empty() ? "the disk may be full" : why));
+  throw Error(ErrorKind::kFailure, path,
+              "cannot be written: " + (why.empty() ? "the disk may be full" : why));
 }
 
 [[noreturn]] void refuse(const std::string& path, std::string why) {
   std::replace(why.begin(), why.end(), '\n', ' ');
-  throw Error(ExitCode::kInput, path, why + "; build the pair again");
+  throw Error(ErrorKind::kInput, path, why + "; build the pair again");
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ constexpr int kMostDepth = 8;
   std::string line = where + ": " + what;
   for (char& c : line)
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';  // words out of the file go to terminals
-  throw Error(ExitCode::kInput, path, line);
+  throw Error(ErrorKind::kInput, path, line);
 }
 
 double read_number(const std::string& path, const std::string& where, const Json& value) {
@@ -65,7 +65,7 @@ std::vector<CameraWords> decode_cameras(std::string_view text, const std::string
   if (json.is_discarded()) refuse(path, "byte " + std::to_string(byte), "this is no JSON, or nests too deep");
   if (json.is_object() && json.size() == 1 && json.contains("cameras")) json = Json(json["cameras"]);
   if (!json.is_array() || json.empty())
-    throw Error(ExitCode::kInput, path, "a list of one camera or more is wanted");
+    throw Error(ErrorKind::kInput, path, "a list of one camera or more is wanted");
   std::vector<CameraWords> cameras;
   for (const Json& value : json)
     cameras.push_back(read_camera(path, "camera " + std::to_string(cameras.size()), value, defaults));

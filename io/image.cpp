@@ -58,10 +58,10 @@ ImageFormat image_format(const std::string& path, Image::Kind kind) {
   for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (extension == ".exr") return ImageFormat::kExr;
   if (extension != ".png" && extension != ".jpg" && extension != ".jpeg")
-    throw Error(ExitCode::kUsage, path,
+    throw Error(ErrorKind::kUsage, path,
                 "images are written as .png, .jpg, .jpeg or .exr; choose one of these");
   if (is_data)
-    throw Error(ExitCode::kUsage, path,
+    throw Error(ErrorKind::kUsage, path,
                 "only .exr holds these values unchanged; give a name that ends in .exr");
   return extension == ".png" ? ImageFormat::kPng : ImageFormat::kJpeg;
 }
@@ -70,7 +70,7 @@ void write_image(const std::string& path, const Image& image, bool overwrite) {
   const ImageFormat format = image_format(path, image.kind);
   OutputFile file(path, overwrite);
   const auto fail = [&](const std::string& why) {
-    throw Error(ExitCode::kFailure, path, "the image cannot be written: " + why);
+    throw Error(ErrorKind::kFailure, path, "the image cannot be written: " + why);
   };
   static const char* const kNames[] = {"png", "jpeg", "openexr"};
   const auto out = OIIO::ImageOutput::create(kNames[static_cast<int>(format)]);

@@ -31,11 +31,11 @@ InputBytes read_input(const std::string& path) {
   const bool is_stdin = path == "-";
   const Descriptor in{is_stdin ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_CLOEXEC), !is_stdin};
   if (in.fd < 0)
-    throw Error(ExitCode::kInput, name, std::string("cannot be opened: ") + std::strerror(errno));
+    throw Error(ErrorKind::kInput, name, std::string("cannot be opened: ") + std::strerror(errno));
   struct stat status {};
   if (::fstat(in.fd, &status) != 0)
-    throw Error(ExitCode::kInput, name, std::string("cannot be read: ") + std::strerror(errno));
-  if (S_ISDIR(status.st_mode)) throw Error(ExitCode::kInput, name, "is a folder; name a file in it");
+    throw Error(ErrorKind::kInput, name, std::string("cannot be read: ") + std::strerror(errno));
+  if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::kInput, name, "is a folder; name a file in it");
 
   InputBytes bytes;
   // One byte more than the file has, so that its end is seen without growing the buffer.
@@ -54,15 +54,15 @@ InputBytes read_input(const std::string& path) {
       const ssize_t got = ::read(in.fd, bytes.data.get() + bytes.size, piece);
       if (got < 0 && errno == EINTR) continue;
       if (got < 0)
-        throw Error(ExitCode::kInput, name,
+        throw Error(ErrorKind::kInput, name,
                     "cannot be read at byte " + std::to_string(bytes.size) + ": " + std::strerror(errno));
       if (got == 0) break;
       bytes.size += static_cast<std::size_t>(got);
     }
   } catch (const std::bad_alloc&) {
-    throw Error(ExitCode::kBudget, name, "does not fit in memory (" + std::to_string(capacity) + " bytes)");
+    throw Error(ErrorKind::kBudget, name, "does not fit in memory (" + std::to_string(capacity) + " bytes)");
   }
-  if (bytes.size == 0) throw Error(ExitCode::kInput, name, "is empty");
+  if (bytes.size == 0) throw Error(ErrorKind::kInput, name, "is empty");
   return bytes;
 }
 

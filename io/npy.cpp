@@ -139,7 +139,7 @@ std::uint32_t little_endian(std::string_view bytes) {
 }  // namespace
 
 FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns) {
-  const auto refuse = [&](const std::string& what) { return Error(ExitCode::kInput, name, what); };
+  const auto refuse = [&](const std::string& what) { return Error(ErrorKind::kInput, name, what); };
   if (!bytes.starts_with(kMagic)) throw refuse("is no .npy file: it does not begin with \\x93NUMPY");
   if (bytes.size() < 8)
     throw refuse("is cut at byte " + std::to_string(bytes.size()) + ", before its version");

@@ -95,7 +95,7 @@ class OffReader {
       line_start_.fail("the counts promise " + std::to_string(vertex_count_) + " vertices and " +
                        std::to_string(face_count_) + " faces, but only " + std::to_string(in_.remaining()) +
                        " bytes are left: the file is cut or its counts are wrong");
-    if (vertex_count_ == 0) throw Error(ExitCode::kInput, *in_.file, "has no vertices");
+    if (vertex_count_ == 0) throw Error(ErrorKind::kInput, *in_.file, "has no vertices");
   }
 
   void read_vertices() {

@@ -73,7 +73,7 @@ extern "C" void remove_unfinished_and_exit(int) {
   while (g_critical > 0) poll(nullptr, 0, 1);
   for (const Slot& slot : g_unfinished)
     if (slot.used) unlink(slot.path);
-  _exit(static_cast<int>(ExitCode::kInterrupted));
+  _exit(128 + SIGINT);  // as shells have it
 }
 
 // Both are called with interrupts held.
@@ -102,7 +102,7 @@ std::string shown(const std::string& path) { return path == "-" ? "standard outp
 
 [[noreturn]] void fail(const std::string& path, const std::string& what, int error) {
   while (g_exiting) pause();  // the handler took the file away on another thread: it exits, with its own code
-  throw Error(ExitCode::kFailure, shown(path), what + ": " + std::strerror(error));
+  throw Error(ErrorKind::kFailure, shown(path), what + ": " + std::strerror(error));
 }
 
 // Closes on every way out; close() is where some file systems report a full disk.
@@ -217,19 +217,19 @@ int rename_to(const std::string& from, const std::string& to, bool replace) {
 }
 
 [[noreturn]] void refuse_existing(const std::string& path) {
-  throw Error(ExitCode::kFailure, path, "exists already; use --force to replace it");
+  throw Error(ErrorKind::kFailure, path, "exists already; use --force to replace it");
 }
 
 }  // namespace
 
 OutputFile::OutputFile(const std::string& path, bool overwrite)
     : path_(path), target_(path), overwrite_(overwrite) {
-  if (path.empty()) throw Error(ExitCode::kFailure, "", "an output has an empty name; give it one");
+  if (path.empty()) throw Error(ErrorKind::kFailure, "", "an output has an empty name; give it one");
   struct stat status {};
   const bool exists = path != "-" && ::stat(path.c_str(), &status) == 0;
   if (!exists && path != "-" && errno != ENOENT && errno != ENOTDIR) fail(path, "cannot be created", errno);
   if (exists && S_ISDIR(status.st_mode))
-    throw Error(ExitCode::kFailure, path, "is a folder; give a file's name");
+    throw Error(ErrorKind::kFailure, path, "is a folder; give a file's name");
   is_special_ = names_descriptor(path) || (exists && !S_ISREG(status.st_mode));
   if (is_special_) {
     if (path != "-" && access(path.c_str(), W_OK) != 0) fail(path, "cannot be written", errno);
@@ -318,7 +318,7 @@ void install_interrupt_cleanup() {
 void check_folder(const std::string& path, const std::string& folder) {
   struct stat status {};
   if (::stat(folder.c_str(), &status) != 0)
-    throw Error(ExitCode::kFailure, path,
+    throw Error(ErrorKind::kFailure, path,
                 "cannot be created: there is no folder " + folder + "; make it first");
 }
 

@@ -97,7 +97,7 @@ Header parse_header(std::string_view bytes, const std::string& file) {
   TextCursor lines(bytes, file);
   std::string_view line;
   if (!lines.next_line(line) || TextCursor(line, file).word() != "ply")
-    throw Error(ExitCode::kInput, file, "is no PLY file: it does not begin with the line 'ply'");
+    throw Error(ErrorKind::kInput, file, "is no PLY file: it does not begin with the line 'ply'");
   bool has_format = false;
   for (;;) {
     const TextCursor at = lines;
@@ -250,19 +250,19 @@ class BinarySource {
       for (const Property& property : elements.back().properties) entry += least_bytes(property);
     const std::string left = std::to_string(available()) + " bytes follow the last element";
     if (available() >= std::max<std::uint64_t>(entry, 4))
-      throw Error(ExitCode::kInput, file_,
+      throw Error(ErrorKind::kInput, file_,
                   "byte " + std::to_string(at_ - begin_) + ": " + left + "; a count in the header is wrong");
     notes.push_back(left + " and were ignored");
   }
   [[noreturn]] void fail(const std::string& what) const { fail_here(what + " in " + place.words()); }
   [[noreturn]] void fail_here(const std::string& what) const {
-    throw Error(ExitCode::kInput, file_, "byte " + std::to_string(at_ - begin_) + ": " + what);
+    throw Error(ErrorKind::kInput, file_, "byte " + std::to_string(at_ - begin_) + ": " + what);
   }
 
  private:
   void need(std::uint64_t bytes) const {
     if (available() < bytes)
-      throw Error(ExitCode::kInput, file_,
+      throw Error(ErrorKind::kInput, file_,
                   "byte " + std::to_string(end_ - begin_) + ": the file is cut in " + place.words() +
                       "; copy it again");
   }
@@ -536,13 +536,13 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
   bool has_vertices = false;
   for (const Element& element : header.elements) {
     if (element.name != "vertex") continue;
-    if (has_vertices) throw Error(ExitCode::kInput, file, "has two elements 'vertex'");
+    if (has_vertices) throw Error(ErrorKind::kInput, file, "has two elements 'vertex'");
     has_vertices = true;
     vertex_count = element.count;
   }
-  if (vertex_count == 0) throw Error(ExitCode::kInput, file, "has no vertices");
+  if (vertex_count == 0) throw Error(ErrorKind::kInput, file, "has no vertices");
   if (vertex_count >= UINT32_MAX)
-    throw Error(ExitCode::kInput, file,
+    throw Error(ErrorKind::kInput, file,
                 "claims " + std::to_string(vertex_count) + " vertices; 4294967294 is the limit");
 
   std::vector<std::int32_t> vertex_ids;

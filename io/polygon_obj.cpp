@@ -27,7 +27,7 @@ class PolygonObjReader {
     check_range(&PolygonCorner::uv, mesh_.uvs.size(), "texture coordinates");
     check_range(&PolygonCorner::normal, mesh_.normals.size(), "normals");
     if (mesh_.face_ends.empty()) {
-      throw Error(ExitCode::kInput, *in_.file, "has no face; a base mesh of quads is wanted");
+      throw Error(ErrorKind::kInput, *in_.file, "has no face; a base mesh of quads is wanted");
     }
     return std::move(mesh_);
   }
@@ -109,7 +109,7 @@ class PolygonObjReader {
     for (std::size_t face = 0; face < mesh_.face_count(); ++face)
       for (std::uint32_t c = mesh_.face_begin(face); c < mesh_.face_ends[face]; ++c)
         if (const std::uint32_t i = mesh_.corners[c].*index; i != PolygonCorner::kNone && i >= count)
-          throw Error(ExitCode::kInput, *in_.file,
+          throw Error(ErrorKind::kInput, *in_.file,
                       "face " + std::to_string(face + 1) + ": the index " + std::to_string(i + 1) +
                           " is out of range (there are " + std::to_string(count) + " " + what + ")");
   }
@@ -123,7 +123,7 @@ class PolygonObjReader {
 
 PolygonMesh read_polygon_obj(std::string_view bytes, const std::string& file) {
   if (is_ply(bytes) || is_pcd(bytes) || is_stl(bytes) || is_off(bytes))
-    throw Error(ExitCode::kInput, file,
+    throw Error(ErrorKind::kInput, file,
                 "is no OBJ; the base of a displacement map must be an OBJ of quads with texture coordinates");
   return PolygonObjReader(bytes, file).read();
 }

@@ -28,7 +28,7 @@ constexpr std::uint64_t kMaxMeshBytes = std::uint64_t{1} << 34;  ///< of an OBJ 
 constexpr const char* kRebake = "; bake the proxy again";
 
 [[noreturn]] void refuse(const std::string& path, const std::string& what) {
-  throw Error(ExitCode::kInput, path, what + kRebake);
+  throw Error(ErrorKind::kInput, path, what + kRebake);
 }
 
 // --- writing
@@ -116,7 +116,7 @@ std::string encode_sidecar(const Proxy& proxy, const ProxyHeader& header) {
 
 void refuse_special(const OutputFile& file) {
   if (file.is_special())
-    throw Error(ExitCode::kFailure, file.path(),
+    throw Error(ErrorKind::kFailure, file.path(),
                 "is no regular file, and a proxy is three files in a folder; name one there");
 }
 
@@ -178,7 +178,7 @@ void read_conventions(const Sidecar& in) {
   const Json& json = in.json;
   if (in.text(in.at(json, "space"), "space") != "object" || in.text(in.at(json, "order"), "order") != "xyz" ||
       in.real(in.at(json, "scale"), "scale") != 1 || in.real(in.at(json, "midlevel"), "midlevel") != 0)
-    throw Error(ExitCode::kInput, in.path,
+    throw Error(ErrorKind::kInput, in.path,
                 "has another space, order, scale or midlevel than object, xyz, 1, 0; convert the asset by "
                 "rbvh proxy --vdm");
 }
@@ -187,14 +187,14 @@ ProxyHeader read_header(const Sidecar& in) {
   const Json& json = in.json;
   ProxyHeader header;
   if (!json.contains("format") || json["format"] != kFormatName)
-    throw Error(ExitCode::kInput, in.path, "is no sidecar of a proxy: its format is not 'rbvh proxy'");
+    throw Error(ErrorKind::kInput, in.path, "is no sidecar of a proxy: its format is not 'rbvh proxy'");
   const Json& version = in.at(json, "version");
   if (!version.is_array() || version.size() != 2) in.fail("'version' is no pair of numbers");
   header.major = static_cast<std::uint16_t>(in.whole(version[0], UINT16_MAX, "version"));
   header.minor = static_cast<std::uint16_t>(in.whole(version[1], UINT16_MAX, "version"));
   if (header.major != kProxyMajor)
     throw Error(
-        ExitCode::kInput, in.path,
+        ErrorKind::kInput, in.path,
         fmt::format("has version {}.{}, and this program reads version {}; use a newer one, or bake the "
                     "proxy again",
                     header.major, header.minor, kProxyMajor));
@@ -285,14 +285,14 @@ bool is_proxy(const std::string& path) {
 
 void refuse_proxy(const std::string& path) {
   if (is_proxy(path))
-    throw Error(ExitCode::kInput, path,
+    throw Error(ErrorKind::kInput, path,
                 "is a proxy, and a scan is wanted here; name the scan (" + proxy_sidecar_path(path) +
                     " beside it says of which it was made)");
   // Without the sidecar its quads would pass for the shape.
   std::error_code code;
   const std::string map = proxy_map_path(path);
   if (fs::path(path).extension() == ".obj" && fs::exists(map, code))
-    throw Error(ExitCode::kInput, path,
+    throw Error(ErrorKind::kInput, path,
                 "comes without " + proxy_sidecar_path(path) + ", and " + map +
                     " lies beside it: a proxy is three files; bring all, or rename the map");
 }
@@ -322,7 +322,7 @@ Proxy load_proxy(const std::string& path, ProxyHeader* header) {
   const std::string sidecar_path = proxy_sidecar_path(path), map_path = proxy_map_path(path);
   for (const std::string& needed : {sidecar_path, map_path})
     if (std::error_code code; !fs::exists(needed, code))
-      throw Error(ExitCode::kInput, path, "comes without " + needed + ": a proxy is three files; bring all");
+      throw Error(ErrorKind::kInput, path, "comes without " + needed + ": a proxy is three files; bring all");
   const InputBytes sidecar = read_input(sidecar_path), mesh = read_input(path), map = read_input(map_path);
   return decode_proxy(view_of(sidecar), view_of(mesh), view_of(map), path, header);
 }
@@ -330,7 +330,7 @@ Proxy load_proxy(const std::string& path, ProxyHeader* header) {
 ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source,
                        bool overwrite) {
   if (const auto fault = find_fault(proxy))
-    throw Error(ExitCode::kFailure, path, "would be malformed: " + *fault + "; please report this");
+    throw Error(ErrorKind::kFailure, path, "would be malformed: " + *fault + "; please report this");
   OutputFile sidecar(proxy_sidecar_path(path), overwrite), mesh(path, overwrite),
       map(proxy_map_path(path), overwrite);
   for (const OutputFile* file : {&sidecar, &mesh, &map}) refuse_special(*file);
@@ -357,7 +357,7 @@ ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxyS
     }
     if (again.size() != proxy.map.size() ||
         std::memcmp(again.data(), proxy.map.data(), again.size() * sizeof(Vec3f)) != 0)
-      throw Error(ExitCode::kFailure, map.path(), "cannot be written whole; is the disk full?");
+      throw Error(ErrorKind::kFailure, map.path(), "cannot be written whole; is the disk full?");
   }
   const std::string text = encode_sidecar(proxy, header);
   sidecar.write(text);
@@ -376,10 +376,10 @@ ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxyS
 
 void check_proxy_output(const std::string& path, bool overwrite) {
   if (path == "-")
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 "a proxy is three files and cannot go to standard output; name an .obj");
   if (fs::path(path).extension() != ".obj")
-    throw Error(ExitCode::kUsage, path,
+    throw Error(ErrorKind::kUsage, path,
                 "a proxy is an OBJ with two files beside it; give a name that ends in .obj");
   const OutputFile sidecar(proxy_sidecar_path(path), overwrite), mesh(path, overwrite),
       map(proxy_map_path(path), overwrite);

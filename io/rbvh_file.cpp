@@ -49,7 +49,7 @@ std::uint64_t hash_sealed(std::span<const std::byte> bytes, std::size_t hash_at)
 }
 
 [[noreturn]] void refuse(const std::string& path, const std::string& what) {
-  throw Error(ExitCode::kInput, path, what);
+  throw Error(ErrorKind::kInput, path, what);
 }
 
 std::span<const std::byte> bytes_of(const InputBytes& input) {
@@ -247,17 +247,17 @@ void check_written(std::span<const std::byte> atlas, const std::string& path, co
   try {
     decode_atlas(atlas, path, again);
   } catch (const Error&) {
-    throw Error(ExitCode::kFailure, path, "cannot be written whole; is the disk full?");
+    throw Error(ErrorKind::kFailure, path, "cannot be written whole; is the disk full?");
   }
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
     for (std::size_t k = 0; k < rbvh.levels[i].layers.size(); ++k)
       if (rbvh.levels[i].layers[k].texels != again.levels[i].layers[k].texels)
-        throw Error(ExitCode::kFailure, path, "cannot be written whole; is the disk full?");
+        throw Error(ErrorKind::kFailure, path, "cannot be written whole; is the disk full?");
 }
 
 void refuse_special(const std::string& path, const OutputFile& file) {
   if (file.is_special())
-    throw Error(ExitCode::kFailure, path,
+    throw Error(ErrorKind::kFailure, path,
                 "is no regular file, and a pair is two files in a folder; name one there");
 }
 
@@ -326,7 +326,7 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
   std::optional<std::string> fault = find_fault(rbvh);
   if (!fault) fault = find_texel_fault(rbvh);
   if (!fault && !are_build_options(rbvh.build_options)) fault = "the build options are no JSON object";
-  if (fault) throw Error(ExitCode::kFailure, path, "would be malformed: " + *fault + "; please report this");
+  if (fault) throw Error(ErrorKind::kFailure, path, "would be malformed: " + *fault + "; please report this");
 
   OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
   refuse_special(path, hierarchy);
@@ -359,7 +359,7 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
 
 void check_rbvh_output(const std::string& path, bool overwrite) {
   if (path == "-")
-    throw Error(ExitCode::kUsage, "", "a pair is two files and cannot go to standard output; name a file");
+    throw Error(ErrorKind::kUsage, "", "a pair is two files and cannot go to standard output; name a file");
   const OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
   refuse_special(path, hierarchy);
   refuse_special(atlas.path(), atlas);

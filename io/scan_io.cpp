@@ -107,17 +107,17 @@ RawScan parse_scan(std::string_view bytes, const std::string& path) {
   const std::string name = input_name(path);
   for (const Foreign& foreign : kForeign)
     if (bytes.size() >= foreign.at && bytes.substr(foreign.at).starts_with(foreign.magic))
-      throw Error(ExitCode::kInput, name, foreign.advice);
+      throw Error(ErrorKind::kInput, name, foreign.advice);
   Reader reader = reader_by_content(bytes);
   if (!reader) reader = reader_by_extension(path);
   if (!reader && is_obj(bytes)) reader = read_obj;
   if (!reader && is_xyz(bytes)) reader = read_xyz;
   if (!reader)
-    throw Error(ExitCode::kInput, name,
+    throw Error(ErrorKind::kInput, name,
                 "is of no known format (neither its first bytes nor its extension say PLY, OBJ, STL, OFF, "
                 "PCD or XYZ)");
   RawScan scan = reader(bytes, name);
-  if (scan.positions.empty()) throw Error(ExitCode::kInput, name, "has no vertices");
+  if (scan.positions.empty()) throw Error(ErrorKind::kInput, name, "has no vertices");
   return scan;
 }
 
@@ -132,10 +132,10 @@ void merge_scan(RawScan& all, RawScan&& scan) {
     return;
   }
   if (all.triangles.empty() != scan.triangles.empty())
-    throw Error(ExitCode::kInput, "", "a mesh and a cloud cannot be merged; ingest them one by one");
+    throw Error(ErrorKind::kInput, "", "a mesh and a cloud cannot be merged; ingest them one by one");
   const std::size_t count = all.positions.size(), more = scan.positions.size();
   if (count + more >= std::numeric_limits<std::uint32_t>::max())
-    throw Error(ExitCode::kInput, "",
+    throw Error(ErrorKind::kInput, "",
                 "the inputs have more than 4294967294 vertices in all; merge fewer of them");
 
   const Vec3d move = scan.shift - all.shift;
@@ -167,7 +167,7 @@ void merge_scan(RawScan& all, RawScan&& scan) {
   const std::int64_t lowest = lowest_id(scan), largest = largest_id(scan);
   const std::int64_t base = largest_id(all) + 1 - std::min<std::int64_t>(lowest, 0);
   if (base + largest > std::numeric_limits<std::int32_t>::max())
-    throw Error(ExitCode::kInput, "", "the object ids of the inputs are too large to be merged");
+    throw Error(ErrorKind::kInput, "", "the object ids of the inputs are too large to be merged");
   bind_viewpoints(all, lowest_id(all), largest_id(all), 0, {});
   bind_viewpoints(scan, lowest, largest, base, move);
   append(all.viewpoints, std::move(scan.viewpoints));

@@ -54,7 +54,7 @@ class Reader {
     for (char& c : line)
       if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';  // names go to terminals
     if (line.size() > 400) line.resize(400);
-    throw Error(ExitCode::kInput, path_, line);
+    throw Error(ErrorKind::kInput, path_, line);
   }
 
   Json parse(std::string_view text) const {

@@ -57,7 +57,7 @@ struct TextCursor {
     return lines;
   }
   [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ExitCode::kInput, *file, "line " + std::to_string(line()) + ": " + what);
+    throw Error(ErrorKind::kInput, *file, "line " + std::to_string(line()) + ": " + what);
   }
 
   bool at_end() const { return at >= end; }

@@ -26,12 +26,12 @@ std::string one_line(std::string why) {
 }
 
 [[noreturn]] void write_failed(const std::string& path, const std::string& why) {
-  throw Error(ExitCode::kFailure, path,
+  throw Error(ErrorKind::kFailure, path,
               "cannot be written: " + (why.empty() ? "the disk may be full" : one_line(why)));
 }
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
-  throw Error(ExitCode::kInput, path, one_line(why) + "; bake the proxy again");
+  throw Error(ErrorKind::kInput, path, one_line(why) + "; bake the proxy again");
 }
 
 std::uint32_t little_number(std::string_view bytes, std::size_t at) {
@@ -234,12 +234,14 @@ std::vector<int> vector_channels(const OIIO::ImageSpec& spec) {
 VdmMap read_vdm_map(const std::string& path) {
   std::error_code code;
   if (path != "-" && !std::filesystem::exists(path, code))
-    throw Error(ExitCode::kInput, path, "there is no such displacement map");
+    throw Error(ErrorKind::kInput, path, "there is no such displacement map");
   return decode_vdm_map(read_input(path).view(), path);
 }
 
 VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
-  const auto refuse_map = [&](const std::string& why) { throw Error(ExitCode::kInput, path, one_line(why)); };
+  const auto refuse_map = [&](const std::string& why) {
+    throw Error(ErrorKind::kInput, path, one_line(why));
+  };
   const char* format = format_of(file);
   if (format == nullptr) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
   if (format == std::string_view("openexr") && !exr_headers_fit(file)) refuse_map("is cut in its header");

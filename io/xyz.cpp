@@ -109,7 +109,7 @@ class XyzReader {
         names_.push_back(line);
       }
     }
-    if (scan_.positions.empty()) throw Error(ExitCode::kInput, *in_.file, "has no line with three numbers");
+    if (scan_.positions.empty()) throw Error(ErrorKind::kInput, *in_.file, "has no line with three numbers");
     if (promised_ && *promised_ != scan_.positions.size())
       in_.fail("the first line promises " + std::to_string(*promised_) + " points, but there are " +
                std::to_string(scan_.positions.size()) + ": the file is cut or its count is wrong");

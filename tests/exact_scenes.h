@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/scan/scan.h"
 #include "tests/oracle.h"
 

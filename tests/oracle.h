@@ -30,7 +30,8 @@ struct Meeting {
 };
 
 /// Moeller-Trumbore.
-inline Meeting meet_triangle(const Point& a, const Point& b, const Point& c, const Point& o, const Point& d) {
+inline Meeting intersect_triangle(const Point& a, const Point& b, const Point& c, const Point& o,
+                                  const Point& d) {
   Meeting m;
   const Point ab = sub(b, a), ac = sub(c, a), n = cross(ab, ac);
   const double area = std::sqrt(dot(n, n)), length = std::sqrt(dot(d, d));
@@ -47,8 +48,8 @@ inline Meeting meet_triangle(const Point& a, const Point& b, const Point& c, con
   return m;
 }
 
-inline Meeting meet_disc(const Point& centre, const Point& normal, double radius, const Point& o,
-                         const Point& d) {
+inline Meeting intersect_disc(const Point& centre, const Point& normal, double radius, const Point& o,
+                              const Point& d) {
   Meeting m;
   const double n = std::sqrt(dot(normal, normal)), slope = dot(normal, d);
   if (!(n > 0) || !(radius > 0) || !(std::abs(slope) > 1e-12 * n * std::sqrt(dot(d, d)))) return m;

@@ -43,7 +43,7 @@ inline std::string input_error(std::string_view bytes, const std::string& name) 
   try {
     parse_scan(bytes, name);
   } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::kInput) << error.what();
+    EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
     EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
     return error.what();
   }
@@ -60,7 +60,7 @@ inline void check_prefixes(std::string_view bytes, const std::string& name, std:
       parse_scan({prefix.data(), prefix.size()}, name);
       EXPECT_GE(size, least) << name << " cut to " << size << " bytes was read";
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kInput) << error.what();
+      EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
     }
   }
 }

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "pipeline/device/device.h"
-#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/trace/trace_tile.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
 

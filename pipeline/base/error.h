@@ -7,28 +7,25 @@
 
 namespace rbvh {
 
-/// Process exit codes of the command line.
-enum class ExitCode : int {
-  kOk = 0,
-  kFailure = 1,  ///< an output that cannot be written, a full disk
-  kUsage = 2,    ///< wrong words on the command line
-  kInput = 3,    ///< input missing, cut, malformed, unsupported
-  kBatch = 4,    ///< part of a batch failed
-  kBudget = 5,   ///< over a memory or error budget
-  kDevice = 6,   ///< no usable OpenCL device
-  kInterrupted = 130,
+/// What kind of thing went wrong, for callers that react to it.
+enum class ErrorKind {
+  kFailure,  ///< an output that cannot be written, a full disk
+  kUsage,    ///< something was asked for that makes no sense for this input
+  kInput,    ///< an input is missing, cut, malformed or unsupported
+  kBudget,   ///< over a memory or error budget
+  kDevice,   ///< no usable OpenCL device
 };
 
 /// One line: what is wrong, where (byte, line, element), what to do. `file` may be empty. The stage's name is
 /// put in front by main.
 class Error : public std::runtime_error {
  public:
-  Error(ExitCode code, const std::string& file, const std::string& what)
-      : std::runtime_error(file.empty() ? what : file + ": " + what), code_(code) {}
-  ExitCode code() const { return code_; }
+  Error(ErrorKind kind, const std::string& file, const std::string& what)
+      : std::runtime_error(file.empty() ? what : file + ": " + what), kind_(kind) {}
+  ErrorKind kind() const { return kind_; }
 
  private:
-  ExitCode code_;
+  ErrorKind kind_;
 };
 
 [[noreturn]] void check_failed(const char* expression, const char* file, int line);

@@ -27,7 +27,7 @@ struct DeviceState {
   cl::Device device;
   cl::Context context;
   cl::CommandQueue queue;
-  bool check_bounds = false;                    ///< of what kernels read, see kernels/bounds.h
+  bool check_bounds = false;                    ///< of what kernels read, see kernels/common/bounds.h
   std::mutex mutex;                             ///< guards the two below
   std::map<std::string, cl::Program> programs;  ///< by file and options
   std::set<std::string> launched;               ///< program, entry and work-group size already compiled
@@ -112,7 +112,7 @@ std::string in_words(std::uint64_t bytes) {
   const cl_int code = error.err();
   const bool memory = code == CL_MEM_OBJECT_ALLOCATION_FAILURE || code == CL_OUT_OF_HOST_MEMORY ||
                       code == CL_INVALID_BUFFER_SIZE;
-  throw Error(memory ? ExitCode::kBudget : ExitCode::kDevice, {},
+  throw Error(memory ? ErrorKind::kBudget : ErrorKind::kDevice, {},
               what + ": " + error.what() + ": " + cl_error_name(code) + " (" + std::to_string(code) +
                   ") on " + device.name +
                   (memory ? "; take a smaller scan, a coarser level or a device with more memory" : ""));
@@ -191,7 +191,8 @@ bool wants_bounds_checked() {
 #endif
 }
 
-/// A launch's last argument where the kernel takes part in the checks: what kernels/bounds.h calls Bounds.
+/// A launch's last argument where the kernel takes part in the checks: what kernels/common/bounds.h calls
+/// Bounds.
 struct BoundsRecord {
   std::vector<cl_ulong> words;  ///< kHeader of a fault, then the bytes of each argument; empty: takes no part
   cl::Buffer buffer;
@@ -221,7 +222,7 @@ void throw_if_out_of_bounds(const KernelState& state, BoundsRecord& record) {
   state.device->queue.enqueueReadBuffer(record.buffer, CL_TRUE, 0, BoundsRecord::kHeader * sizeof *words,
                                         words);
   if (words[0] == 0) return;
-  throw Error(ExitCode::kFailure, "kernels/" + state.program.substr(0, state.program.find(' ')),
+  throw Error(ErrorKind::kFailure, "kernels/" + state.program.substr(0, state.program.find(' ')),
               "line " + std::to_string(words[0]) + ": " + state.entry + " reads element " +
                   std::to_string(words[1]) + " of " + std::to_string(words[2]) + "; please report this");
 }
@@ -332,7 +333,7 @@ cl::Program build_program(DeviceState& state, const std::string& file, const std
     std::string log;
     for (const auto& [device, text] : error.getBuildLog()) log += text;
     send_build_log(file, log);
-    throw Error(ExitCode::kDevice, "kernels/" + file,
+    throw Error(ErrorKind::kDevice, "kernels/" + file,
                 std::string(error.what()) + ": " + cl_error_name(error.err()) + " on " + state.info.name +
                     " with " + all_options + ": " + one_line(log));
   } catch (const cl::Error& error) {
@@ -371,14 +372,14 @@ Device Device::open(const std::string& choice) {
   const Found* found = choose(devices, wanted);
   if (found == nullptr) {
     if (devices.empty()) {
-      throw Error(ExitCode::kDevice, {},
+      throw Error(ErrorKind::kDevice, {},
                   "no usable OpenCL device on this machine; install one, such as Debian's pocl-opencl-icd, "
                   "and see that its cache (POCL_CACHE_DIR, else ~/.cache) can be written");
     }
     std::string names;
     for (const Found& d : devices)
       names += (names.empty() ? "" : ", ") + std::to_string(d.info.index) + " " + d.info.name;
-    throw Error(ExitCode::kDevice, {}, "no usable OpenCL device fits '" + wanted + "'; there are: " + names);
+    throw Error(ErrorKind::kDevice, {}, "no usable OpenCL device fits '" + wanted + "'; there are: " + names);
   }
   Device device;
   device.state_ = std::make_shared<DeviceState>();
@@ -496,12 +497,12 @@ std::shared_ptr<BufferState> Device::allocate(std::size_t bytes) const {
   const std::string what = "a buffer of " + in_words(bytes);
   const std::uint64_t limit = device.memory_limit;
   if (allocated > device.info.max_buffer_bytes) {
-    throw Error(ExitCode::kBudget, {},
+    throw Error(ErrorKind::kBudget, {},
                 what + " is more than " + device.info.name + " can hold in one piece (" +
                     in_words(device.info.max_buffer_bytes) + "); take a smaller scan or another device");
   }
   if (limit > 0 && device.memory + allocated > limit) {
-    throw Error(ExitCode::kBudget, {},
+    throw Error(ErrorKind::kBudget, {},
                 what + " beside " + in_words(device.memory) + " in use is over the memory budget of " +
                     in_words(limit) + "; raise it or take a smaller scan");
   }

@@ -81,7 +81,7 @@ class Kernel {
 /// programs.
 ///
 /// In debug builds, or with RBVH_CHECK_BOUNDS=1 in the environment when it is opened, kernels that take part
-/// (kernels/bounds.h) check what they read by indices from data; run() then waits for them and throws
+/// (kernels/common/bounds.h) check what they read by indices from data; run() then waits for them and throws
 /// Error(kFailure) where one was out of bounds. RBVH_CHECK_BOUNDS=0 leaves that out of debug builds too.
 class Device {
  public:

@@ -6,7 +6,7 @@
 namespace rbvh {
 
 struct EmbeddedKernel {
-  const char* name;  ///< "trace_rbvh.cl"
+  const char* name;  ///< "trace/trace_tile.cl"
   const char* text;
 };
 extern const EmbeddedKernel kEmbeddedKernels[];

@@ -25,7 +25,7 @@ std::optional<std::string> find_text(const std::string& name) {
   return std::nullopt;
 }
 
-/// The file name in an `#include "..."` line, without folders; empty for any other line.
+/// The path below kernels/ that an `#include "kernels/..."` line names; empty for any other line.
 std::string included_name(std::string_view line) {
   const auto skip_spaces = [&] { line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size())); };
   skip_spaces();
@@ -37,14 +37,16 @@ std::string included_name(std::string_view line) {
   skip_spaces();
   if (!line.starts_with('"')) return {};
   line.remove_prefix(1);
-  const std::string_view path = line.substr(0, line.find('"'));
-  return std::string(path.substr(path.find_last_of('/') + 1));  // npos + 1 is 0
+  std::string_view path = line.substr(0, line.find('"'));
+  if (constexpr std::string_view kRoot = "kernels/"; path.starts_with(kRoot))
+    path.remove_prefix(kRoot.size());
+  return std::string(path);
 }
 
 void expand(const std::string& name, const std::string& includer, int depth, std::string& out) {
   const std::optional<std::string> text = find_text(name);
   if (!text || depth > kMaxIncludeDepth) {
-    throw Error(ExitCode::kDevice, "kernels/" + name,
+    throw Error(ErrorKind::kDevice, "kernels/" + name,
                 (text ? "included too deep, by kernels/" : "no such kernel file, wanted by ") + includer +
                     "; check RBVH_KERNELS if it is set");
   }

@@ -13,13 +13,13 @@ void prefix_sum(const Device& device, const Buffer<std::uint32_t>& in, std::size
   const auto total = static_cast<std::uint32_t>(count);
   Buffer<std::uint32_t> starts(device, chunks.count + 1u);
   if (chunks.count > 1) {
-    device.kernel("prefix_sum", "prefix_sum_chunk_totals")
+    device.kernel("common/prefix_sum", "prefix_sum_chunk_totals")
         .run(chunks.count, chunks.local, in, total, chunks.length, chunks.count, starts);
     prefix_sum(device, starts, chunks.count, starts);
   } else {
     starts.fill(0);
   }
-  device.kernel("prefix_sum", "prefix_sum_chunks")
+  device.kernel("common/prefix_sum", "prefix_sum_chunks")
       .run(std::max(1u, chunks.count), chunks.local, in, total, chunks.length, std::max(1u, chunks.count),
            starts, out);
 }

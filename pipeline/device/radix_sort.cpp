@@ -21,8 +21,8 @@ void sort_pairs(const Device& device, Buffer<Key>& keys, Buffer<std::uint32_t>& 
   const auto total = static_cast<std::uint32_t>(count);
   const std::string options = std::string("-DKEY=") + (sizeof(Key) == 8 ? "ulong" : "uint") +
                               " -DDIGIT_BITS=" + std::to_string(digit_bits);
-  const Kernel count_digits = device.kernel("radix_sort", "radix_sort_count", options);
-  const Kernel scatter = device.kernel("radix_sort", "radix_sort_scatter", options);
+  const Kernel count_digits = device.kernel("common/radix_sort", "radix_sort_count", options);
+  const Kernel scatter = device.kernel("common/radix_sort", "radix_sort_scatter", options);
   const std::size_t counters = static_cast<std::size_t>(chunks.count) << digit_bits;
   const Buffer<std::uint32_t> starts(device, counters + 1);
   Buffer<Key> other_keys(device, count);

@@ -25,10 +25,10 @@ void segmented_reduce(const Device& device, Reduction reduction, const Buffer<fl
   const Buffer<float> heads(device, blocks * components);
   const auto block_count = static_cast<std::uint32_t>(blocks);
   const auto segment_count = static_cast<std::uint32_t>(segments);
-  device.kernel("segmented_reduce", "segmented_reduce_blocks", options)
+  device.kernel("common/segmented_reduce", "segmented_reduce_blocks", options)
       .run(chunks.count, chunks.local, values, chunks.length, block_count, offsets, segment_count, heads,
            out);
-  device.kernel("segmented_reduce", "segmented_reduce_join", options)
+  device.kernel("common/segmented_reduce", "segmented_reduce_join", options)
       .run(chunks.count, chunks.local, chunks.length, block_count, offsets, segment_count, heads, out);
 }
 
@@ -37,7 +37,8 @@ void segment_offsets(const Device& device, const Buffer<std::uint32_t>& ids, std
   constexpr std::uint32_t kGpuChunk = 16;
   RBVH_CHECK(ids.size() >= count && offsets.size() > segments);
   const Chunks chunks = make_chunks(device.info(), count + 1, kGpuChunk);
-  device.kernel("segmented_reduce", "segmented_reduce_offsets", "-DBLOCK=1 -DCOMPONENTS=1 -DREDUCTION=0")
+  device
+      .kernel("common/segmented_reduce", "segmented_reduce_offsets", "-DBLOCK=1 -DCOMPONENTS=1 -DREDUCTION=0")
       .run(chunks.count, chunks.local, ids, static_cast<std::uint32_t>(count), chunks.length,
            static_cast<std::uint32_t>(segments), offsets);
 }

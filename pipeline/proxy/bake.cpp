@@ -101,7 +101,7 @@ std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& 
     const std::uint64_t excess = 2 * (pairs.size() - config.max_patches);
     const bool is_stuck = decimation.triangle_count() > target;
     if (is_stuck || tries == kMostTries || excess >= target)
-      throw Error(ExitCode::kBudget, file,
+      throw Error(ErrorKind::kBudget, file,
                   "cannot have fewer than " + std::to_string(pairs.size()) + " patches, as it has " +
                       std::to_string(counts.mesh.components) + " parts" +
                       (config.max_error > 0 ? " and an error bound" : "") +
@@ -320,13 +320,13 @@ double diagonal_of(const Manifold& mesh) {
 Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& config, BakeReport& counts,
                  const Progress& progress) {
   if (scan.is_cloud())
-    throw Error(ExitCode::kInput, file, "is a point cloud, and a proxy needs a surface; mesh it first");
+    throw Error(ErrorKind::kInput, file, "is a point cloud, and a proxy needs a surface; mesh it first");
   counts = {};
   counts.triangles_in = scan.triangles.size();
   Lap lap;
   report(progress, "joining triangles", 0);
   const Manifold mesh = make_manifold(scan, config.min_component, counts.mesh);
-  if (mesh.triangles.empty()) throw Error(ExitCode::kInput, file, "has no triangle with three corners");
+  if (mesh.triangles.empty()) throw Error(ErrorKind::kInput, file, "has no triangle with three corners");
   const double diagonal = diagonal_of(mesh);
   Decimation decimation(mesh, file);
   counts.join_seconds = lap();

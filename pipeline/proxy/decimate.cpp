@@ -33,7 +33,7 @@ Vec3d vec(const OmPoint& p) { return {p[0], p[1], p[2]}; }
 // Flat areas have no error at all: there, triangles that keep near to their place come out well shaped.
 constexpr double kPlaceWeight = 0.05;
 // A rim keeps its shape by planes through it, upright on the surface.
-constexpr double kRimWeight = 4;
+constexpr double kBoundaryWeight = 4;
 
 /// What a step must leave in order. Later rounds are less strict, so that the target is reached.
 struct Strictness {
@@ -108,11 +108,11 @@ struct Decimation::State {
         quadrics[index(each)] += plane * (twice / 6);
         quadrics[index(each)] += place * (twice / 6 * kPlaceWeight);
       }
-      add_rims(f, n);
+      add_boundary(f, n);
     }
   }
 
-  void add_rims(Face f, const OmPoint& n) {
+  void add_boundary(Face f, const OmPoint& n) {
     for (const Halfedge h : mesh.fh_range(f)) {
       if (!mesh.is_boundary(mesh.opposite_halfedge_handle(h))) continue;
       const Vertex a = mesh.from_vertex_handle(h), b = mesh.to_vertex_handle(h);
@@ -122,7 +122,7 @@ struct Decimation::State {
       if (!(size > 0)) continue;
       upright /= size;
       const Quadric plane = Quadric(upright[0], upright[1], upright[2], -(mesh.point(a) | upright)) *
-                            (kRimWeight * along.sqrnorm());
+                            (kBoundaryWeight * along.sqrnorm());
       quadrics[index(a)] += plane;
       quadrics[index(b)] += plane;
     }
@@ -274,7 +274,7 @@ Decimation::Decimation(const Manifold& mesh, const std::string& file)
     const Face f = s.mesh.add_face(Vertex(static_cast<int>(t[0])), Vertex(static_cast<int>(t[1])),
                                    Vertex(static_cast<int>(t[2])));
     if (!f.is_valid())
-      throw Error(ExitCode::kInput, file,
+      throw Error(ErrorKind::kInput, file,
                   "has triangles that meet in a way no surface does; clean the mesh first");
     s.version.push_back(static_cast<std::uint32_t>(f.idx()));
     s.first_vertex.push_back(t[0]);

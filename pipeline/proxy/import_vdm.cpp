@@ -251,7 +251,7 @@ void check_displacements(const Proxy& proxy, const std::string& file) {
         const Vec3f& v = proxy.map[texel_index(proxy, tile, i, j)];
         if (!(std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}) <= kLargestProxyValue))
           throw Error(
-              ExitCode::kInput, file,
+              ErrorKind::kInput, file,
               "patch " + std::to_string(patch) +
                   " would be displaced by more than 1e18 units; are --vdm-scale and --vdm-midlevel right?");
       }
@@ -271,13 +271,13 @@ void check_finite(const UvQuads& mesh, const std::string& file) {
     const bool is_known = is_finite(p);
     if (!is_known || !(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= double{kLargestProxyValue}))
       throw Error(
-          ExitCode::kInput, file,
+          ErrorKind::kInput, file,
           "vertex " + std::to_string(i + 1) + (is_known ? " is too large: beyond 1e18" : " is not finite"));
   }
   for (std::size_t quad = 0; quad < mesh.uvs.size(); ++quad)
     for (const Uv& uv : mesh.uvs[quad])
       if (!(std::abs(uv.u) < 1e6 && std::abs(uv.v) < 1e6))
-        throw Error(ExitCode::kInput, file,
+        throw Error(ErrorKind::kInput, file,
                     "has a texture coordinate that is not finite, or beyond a million");
 }
 
@@ -290,7 +290,7 @@ std::array<VdmAxis, 3> parse_vdm_order(std::string_view text) {
   double sign = 1;
   const auto fail = [&] {
     throw Error(
-        ExitCode::kUsage, "",
+        ErrorKind::kUsage, "",
         "'" + std::string(text) + "' is not three of x, y, z or of t, b, n in some order, as in tnb or x-zy");
   };
   for (const char c : text) {
@@ -313,7 +313,7 @@ VdmConvention vdm_preset(std::string_view name, VdmSpace space) {
   c.space = space;
   const bool is_tnb = name == "blender" || name == "mudbox" || name == "arnold" || name == "moonray";
   if (!is_tnb && name != "vray")
-    throw Error(ExitCode::kUsage, "",
+    throw Error(ErrorKind::kUsage, "",
                 "'" + std::string(name) + "' is none of blender, mudbox, arnold, vray and moonray");
   if (space != VdmSpace::kTangent) return c;
   c.order = parse_vdm_order(is_tnb ? "tnb" : "tbn");
@@ -327,7 +327,7 @@ Proxy import_vdm(const PolygonMesh& polygons, const VdmMap& source_map, const Im
   const VdmConvention& convention = config.convention;
   if (source_map.is_integer && source_map.channels == 3 && convention.midlevel == 0)
     throw Error(
-        ExitCode::kInput, file,
+        ErrorKind::kInput, file,
         "its map holds integers, which cannot be negative, and vectors are; say which value means none "
         "(--vdm-midlevel 0.5), or export 32-bit floats");
   UvQuads mesh = split_polygons(polygons, file, counts.split_faces, counts.dropped_faces);
@@ -352,7 +352,7 @@ Proxy import_vdm(const PolygonMesh& polygons, const VdmMap& source_map, const Im
     proxy.tiles.push_back({0, 0, side, 0});
   }
   if (counts.texels > config.max_texels)
-    throw Error(ExitCode::kBudget, file,
+    throw Error(ErrorKind::kBudget, file,
                 "would have " + std::to_string(counts.texels) + " texels; allow fewer a patch (--max-side)");
   pack_map(proxy);
 

@@ -33,7 +33,7 @@ void pack_map(Proxy& proxy) {
     }
     if (x == 0) row = tile.side;
     if (y + row > kMaxMapSide || width > kMaxMapSide)
-      throw Error(ExitCode::kBudget, "",
+      throw Error(ErrorKind::kBudget, "",
                   "the map would be over 65536 texels a side; ask for fewer patches or texels");
     tile.x = static_cast<std::uint32_t>(x);
     tile.y = static_cast<std::uint32_t>(y);

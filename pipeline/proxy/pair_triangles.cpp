@@ -86,8 +86,8 @@ class Matching {
 
   std::vector<std::uint32_t> partner;  ///< triangle i's rim is node count + i
 
-  void complete(bool with_rims) {
-    with_rims_ = with_rims;
+  void complete(bool with_boundary) {
+    with_boundary_ = with_boundary;
     for (std::uint32_t root = 0; root < count_; ++root) {
       if (partner[root] != kNone) continue;
       for (std::uint32_t v = find_path(root); v != kNone;) {
@@ -101,7 +101,7 @@ class Matching {
   }
 
  private:
-  bool has_rim(std::uint32_t t) const {
+  bool has_boundary(std::uint32_t t) const {
     return std::find(n_.across[t].begin(), n_.across[t].end(), kNone) != n_.across[t].end();
   }
   template <class Visit>
@@ -112,7 +112,7 @@ class Matching {
     }
     for (const std::uint32_t t : n_.across[v])
       if (t != kNone) visit(t);
-    if (with_rims_ && has_rim(v)) visit(v + count_);
+    if (with_boundary_ && has_boundary(v)) visit(v + count_);
   }
   void touch(std::uint32_t v) {
     if (is_touched_[v]) return;
@@ -194,7 +194,7 @@ class Matching {
 
   const Neighbors& n_;
   std::uint32_t count_;
-  bool with_rims_ = false;
+  bool with_boundary_ = false;
   std::vector<std::uint32_t> parent_, base_, touched_, queue_, seen_;
   std::vector<std::uint8_t> is_used_, is_touched_, in_blossom_;
   std::uint32_t stamp_ = 0;
@@ -267,8 +267,8 @@ std::vector<TrianglePair> pair_triangles(const BaseMesh& mesh, std::uint64_t& al
   Matching matching(n);
   std::vector<std::uint32_t>& partner = matching.partner;
   pair_greedily(n, costs, partner);
-  matching.complete(/*with_rims=*/false);
-  matching.complete(/*with_rims=*/true);
+  matching.complete(/*with_boundary=*/false);
+  matching.complete(/*with_boundary=*/true);
 
   bool has_changed = true;
   for (int round = 0; round < kTurnRounds && has_changed; ++round) {

@@ -23,9 +23,9 @@ Flat operator-(Flat a, Flat b) { return {a.x - b.x, a.y - b.y}; }
 double angle_between(Vec3d a, Vec3d b) { return std::atan2(length(rbvh::cross(a, b)), dot(a, b)); }
 
 // The ring's directions from the center, with gaps scaled to sum up to a full turn (a half on the rim).
-std::vector<double> ring_angles(const std::vector<Vec3d>& spokes, bool is_rim, double& total) {
-  const std::size_t gaps = spokes.size() - (is_rim ? 1 : 0);
-  const double turn = (is_rim ? 1 : 2) * std::numbers::pi;
+std::vector<double> ring_angles(const std::vector<Vec3d>& spokes, bool is_boundary, double& total) {
+  const std::size_t gaps = spokes.size() - (is_boundary ? 1 : 0);
+  const double turn = (is_boundary ? 1 : 2) * std::numbers::pi;
   std::vector<double> gap(gaps);
   total = 0;
   for (std::size_t i = 0; i < gaps; ++i) {
@@ -50,7 +50,7 @@ bool is_fan(const std::vector<Flat>& ring, std::size_t from, double least_area) 
 
 // z^a (the conformal map of a cone to the plane), or, where the fan would fold, all neighbours on a circle,
 // which is convex: no fan folds there.
-std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_rim, std::size_t fan_from,
+std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_boundary, std::size_t fan_from,
                           double least_area, bool& is_circle) {
   std::vector<Vec3d> spokes(ring.size());
   double mean = 0;
@@ -60,17 +60,17 @@ std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_rim
   }
   mean /= static_cast<double>(ring.size());
   double total = 0;
-  const std::vector<double> angles = ring_angles(spokes, is_rim, total);
+  const std::vector<double> angles = ring_angles(spokes, is_boundary, total);
   std::vector<Flat> flat(ring.size());
   const auto lay = [&](double power) {
     for (std::size_t i = 0; i < ring.size(); ++i) {
       const double radius = power > 0 ? std::pow(std::max(length(spokes[i]) / mean, 1e-3), power) : 1;
       flat[i] = {radius * std::cos(angles[i]), radius * std::sin(angles[i])};
     }
-    if (is_rim) flat.front().y = flat.back().y = 0;  // the center lies between the two
+    if (is_boundary) flat.front().y = flat.back().y = 0;  // the center lies between the two
   };
   if (total > 0) {
-    const double turn = (is_rim ? 1 : 2) * std::numbers::pi;
+    const double turn = (is_boundary ? 1 : 2) * std::numbers::pi;
     lay(std::clamp(turn / total, 0.5, 2.0));
     is_circle = !is_fan(flat, fan_from, least_area);
   } else {
@@ -85,18 +85,18 @@ std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_rim
 std::uint32_t SelfMap::remove_vertex(Vec3d center, std::span<const Vec3d> ring,
                                      std::span<const StarFace> star, std::uint32_t fan_from) {
   RBVH_CHECK(ring.size() >= 3 && ring.size() <= UINT16_MAX);
-  const bool is_rim = star.size() + 1 == ring.size();
-  RBVH_CHECK(is_rim || star.size() == ring.size());
-  RBVH_CHECK(fan_from == 0 || (is_rim && fan_from + 1 == ring.size()));
+  const bool is_boundary = star.size() + 1 == ring.size();
+  RBVH_CHECK(is_boundary || star.size() == ring.size());
+  RBVH_CHECK(fan_from == 0 || (is_boundary && fan_from + 1 == ring.size()));
   bool is_circle = false;
-  const std::vector<Flat> flat = flatten(center, ring, is_rim, fan_from, kLeastFanArea, is_circle);
+  const std::vector<Flat> flat = flatten(center, ring, is_boundary, fan_from, kLeastFanArea, is_circle);
   circle_steps_ += is_circle;
 
   const std::uint32_t first = version_count();
   RBVH_CHECK(UINT32_MAX - first > ring.size());
   const auto step = static_cast<std::uint32_t>(steps_.size());
-  steps_.push_back(
-      {ring_.size(), star_.size(), first, static_cast<std::uint16_t>(ring.size()), is_rim, fan_from != 0});
+  steps_.push_back({ring_.size(), star_.size(), first, static_cast<std::uint16_t>(ring.size()), is_boundary,
+                    fan_from != 0});
   for (const Flat& p : flat) ring_.push_back({static_cast<float>(p.x), static_cast<float>(p.y)});
   for (const StarFace& face : star) {
     star_.push_back(face.version);
@@ -106,10 +106,10 @@ std::uint32_t SelfMap::remove_vertex(Vec3d center, std::span<const Vec3d> ring,
   return first;
 }
 
-bool SelfMap::lies_flat(Vec3d center, std::span<const Vec3d> ring, bool is_rim, std::uint32_t fan_from,
+bool SelfMap::lies_flat(Vec3d center, std::span<const Vec3d> ring, bool is_boundary, std::uint32_t fan_from,
                         double least_area) {
   bool is_circle = false;
-  flatten(center, ring, is_rim, fan_from, least_area, is_circle);
+  flatten(center, ring, is_boundary, fan_from, least_area, is_circle);
   return !is_circle;
 }
 
@@ -125,7 +125,7 @@ FacePoint SelfMap::to_original(FacePoint point) const {
     const double x = w[0] * ring[from].x + w[1] * ring[i].x + w[2] * ring[i + 1].x;
     const double y = w[0] * ring[from].y + w[1] * ring[i].y + w[2] * ring[i + 1].y;
     // ... and into the triangle of the star whose two coordinates along its spokes are least negative.
-    const std::uint32_t faces = n - (step.is_rim ? 1 : 0);
+    const std::uint32_t faces = n - (step.is_boundary ? 1 : 0);
     double best = -1e300, best_1 = 0, best_2 = 0;
     std::uint32_t best_face = 0;
     for (std::uint32_t k = 0; k < faces; ++k) {

@@ -51,7 +51,7 @@ class SelfMap {
 
   /// Whether remove_vertex() of a vertex inside the mesh could lay the star flat as it is, with no triangle
   /// of the fan flatter than `least_area` (twice the area over the square of the star's mean radius).
-  static bool lies_flat(Vec3d center, std::span<const Vec3d> ring, bool is_rim, std::uint32_t fan_from,
+  static bool lies_flat(Vec3d center, std::span<const Vec3d> ring, bool is_boundary, std::uint32_t fan_from,
                         double least_area);
 
   /// The point of the original mesh. Safe to call from several threads.
@@ -71,7 +71,7 @@ class SelfMap {
     std::uint64_t first_star = 0;  ///< in star_
     std::uint32_t first_version = 0;
     std::uint16_t ring_size = 0;
-    bool is_rim = false, fans_from_last = false;
+    bool is_boundary = false, fans_from_last = false;
   };
 
   std::uint32_t originals_;

@@ -120,7 +120,7 @@ UvQuads split_polygons(const PolygonMesh& mesh, const std::string& file, std::ui
     for (std::uint32_t c = mesh.face_begin(f); c < mesh.face_ends[f]; ++c) {
       const PolygonCorner& corner = mesh.corners[c];
       if (corner.uv == PolygonCorner::kNone)
-        throw Error(ExitCode::kInput, file,
+        throw Error(ErrorKind::kInput, file,
                     "face " + std::to_string(f + 1) +
                         " has no texture coordinates, and a displacement map needs them; unwrap the mesh");
       face.push_back(
@@ -133,7 +133,7 @@ UvQuads split_polygons(const PolygonMesh& mesh, const std::string& file, std::ui
     no_quads += face.size() != 4;
     faces.push_back(std::move(face));
   }
-  if (faces.empty()) throw Error(ExitCode::kInput, file, "has no face with three different corners");
+  if (faces.empty()) throw Error(ErrorKind::kInput, file, "has no face with three different corners");
   Splitter splitter(quads, has_normals);
   for (const Face& face : faces) {
     if (no_quads > 0)

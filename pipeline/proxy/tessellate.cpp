@@ -9,7 +9,7 @@
 namespace rbvh {
 namespace {
 
-// As kernels/patch_surface.h has it.
+// As kernels/trace/patch_surface.h has it.
 std::uint32_t snapped(std::uint32_t i, std::uint32_t level, std::uint32_t edge) {
   const std::uint32_t step = 1u << (level - edge);
   return (i + step / 2) & ~(step - 1);
@@ -53,7 +53,7 @@ Scan tessellate(const Proxy& proxy, std::span<const PatchLevel> levels, std::vec
     micro_quads += n * n;
   }
   if (std::max(first_vertex.back(), 2 * micro_quads) >= std::numeric_limits<std::uint32_t>::max())
-    throw Error(ExitCode::kBudget, {},
+    throw Error(ErrorKind::kBudget, {},
                 "tessellated, the proxy has " + std::to_string(2 * micro_quads) +
                     " triangles: more than can be numbered; tessellate it coarser");
   Scan mesh;

@@ -11,10 +11,10 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/atlas.h"
 #include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/tile.h"
-#include "pipeline/rbvh/top_tree.h"
 
 namespace rbvh {
 namespace {
@@ -56,7 +56,7 @@ constexpr float kMostRims = 0.25f, kLeastRimTexels = 0.5f;
 
 /// Triangles kept for want of a tile that shows them are together in a leaf whose rectangle has no more than
 /// this many texels for each.
-constexpr std::uint32_t kMostBareTexels = 64;
+constexpr std::uint32_t kMaxUncoveredTexels = 64;
 
 /// Where the focus asks for texels so different within one node, it is split.
 constexpr float kMostRhoRange = 4;
@@ -99,9 +99,9 @@ bool keeps_primitives(Hybrid hybrid, const Tile& tile, bool keeps_discs) {
          texels >= kTexelsPerExact * tile.leaf.primitives;
 }
 
-RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool rims_apart,
+RasterConfig raster_config(float rho, const Primitives& primitives, bool keeps_discs, bool boundary_apart,
                            bool is_noisy) {
-  RasterConfig raster{.rims_apart = rims_apart, .rho = rho};
+  RasterConfig raster{.boundary_apart = boundary_apart, .rho = rho};
   if (primitives.discs) raster.own_reach = raster.reach = kDiscReach;
   if (keeps_discs) {
     raster.layer_gap = kNoiseTexels;
@@ -230,21 +230,21 @@ std::vector<std::uint32_t> leaves_of(const Partition& partition, const LevelRule
 }
 
 /// Does the level keep what touches the surface's rim as it is? Tiles end at whole texels.
-bool keeps_rims(const LevelRule& rule, const PartitionNode& root) {
+bool keeps_boundary(const LevelRule& rule, const PartitionNode& root) {
   const auto count = static_cast<float>(root.count());
-  return rule.config->hybrid == Hybrid::kAuto && root.sums.rims > 0 && root.sums.rims < kMostRims * count &&
-         rule.rho(root) * root.sums.area > kLeastRimTexels * count;
+  return rule.config->hybrid == Hybrid::kAuto && root.sums.boundary > 0 &&
+         root.sums.boundary < kMostRims * count && rule.rho(root) * root.sums.area > kLeastRimTexels * count;
 }
 
 /// Splits leaves of which a part touches the rim. Returns what is leaf then.
-std::vector<std::uint32_t> part_rims(Partition& own, const Primitives& primitives,
-                                     const std::vector<std::uint32_t>& leaves) {
+std::vector<std::uint32_t> split_boundary(Partition& own, const Primitives& primitives,
+                                          const std::vector<std::uint32_t>& leaves) {
   std::vector<std::uint32_t> kept;
   std::vector<SplitRequest> requests;
   for (const std::uint32_t n : leaves) {
     const PartitionNode& node = own.nodes[n];
-    if (node.sums.rims > 0 && node.sums.rims < static_cast<float>(node.count()))
-      requests.push_back({n, SplitBy::kRim});
+    if (node.sums.boundary > 0 && node.sums.boundary < static_cast<float>(node.count()))
+      requests.push_back({n, SplitBy::kBoundary});
     else
       kept.push_back(n);
   }
@@ -256,24 +256,26 @@ std::vector<std::uint32_t> part_rims(Partition& own, const Primitives& primitive
 
 /// Parts triangles that their tiles do not show from them: the nodes returned are to be leaves of their own.
 /// A tile that shows none is one already.
-std::vector<std::uint32_t> part_bare(Partition& own, const Primitives& primitives, std::span<Tile> tiles) {
+std::vector<std::uint32_t> split_uncovered(Partition& own, const Primitives& primitives,
+                                           std::span<Tile> tiles) {
   std::vector<SplitRequest> requests;
   std::vector<std::uint32_t> references;
   for (Tile& tile : tiles) {
-    if (tile.is_exact || tile.bare.empty()) continue;
+    if (tile.is_exact || tile.uncovered.empty()) continue;
     const PartitionNode& node = own.nodes[tile.node];
-    const auto count = static_cast<std::uint32_t>(tile.bare.size());
+    const auto count = static_cast<std::uint32_t>(tile.uncovered.size());
     if (count == node.count()) {
       tile.is_exact = count <= kMostExact;
       continue;
     }
     if (references.empty()) references = own.references.read();
-    std::vector<std::uint32_t> bare, shown;
+    std::vector<std::uint32_t> uncovered, shown;
     for (std::uint32_t i = node.begin; i < node.end; ++i)
-      (std::binary_search(tile.bare.begin(), tile.bare.end(), i) ? bare : shown).push_back(references[i]);
-    std::sort(bare.begin(), bare.end());
+      (std::binary_search(tile.uncovered.begin(), tile.uncovered.end(), i) ? uncovered : shown)
+          .push_back(references[i]);
+    std::sort(uncovered.begin(), uncovered.end());
     std::copy(shown.begin(), shown.end(),
-              std::copy(bare.begin(), bare.end(), references.begin() + node.begin));
+              std::copy(uncovered.begin(), uncovered.end(), references.begin() + node.begin));
     tile.leaf.primitives -= count;
     requests.push_back({.node = tile.node, .by = SplitBy::kFirst, .first = count});
   }
@@ -299,18 +301,18 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
                 .host = partition.host};
   own.references.copy_from(partition.references, primitives.count);
   std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
-  const bool rims_apart = keeps_rims(rule, partition.nodes[0]);
-  if (rims_apart) leaves = part_rims(own, primitives, leaves);
+  const bool boundary_apart = keeps_boundary(rule, partition.nodes[0]);
+  if (boundary_apart) leaves = split_boundary(own, primitives, leaves);
   const bool is_noisy = primitives.area > kNoisyArea * static_cast<double>(partition.nodes[0].sums.area);
-  std::set<std::uint32_t> bare;  // nodes of triangles that no tile shows
+  std::set<std::uint32_t> uncovered;  // nodes of triangles that no tile shows
   const auto is_final = [&](Tile& tile) {
     const PartitionNode& node = own.nodes[tile.node];
-    if (rims_apart && node.sums.rims > 0) tile.is_faulty = true;
+    if (boundary_apart && node.sums.boundary > 0) tile.is_faulty = true;
     tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
-    if (bare.contains(tile.node)) {
+    if (uncovered.contains(tile.node)) {
       const std::uint32_t texels = std::uint32_t{tile.leaf.width} * tile.leaf.height;
       return tile.is_exact = node.count() == 1 ||
-                             (node.count() <= kMostExact && texels <= kMostBareTexels * node.count());
+                             (node.count() <= kMostExact && texels <= kMaxUncoveredTexels * node.count());
     }
     tile.is_exact = keeps_primitives(hybrid, tile, keeps_discs);
     const bool may_split = keeps_discs || rule.rho(node) * node.sums.area > kFaultFloorTexels;
@@ -328,7 +330,7 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
     const std::size_t first_tile = tiles.size();
     for (const auto& [rho, group] : by_rho)
       for (const Tile& tile : rasterize_tiles(
-               primitives, own, group, raster_config(rho, primitives, keeps_discs, rims_apart, is_noisy),
+               primitives, own, group, raster_config(rho, primitives, keeps_discs, boundary_apart, is_noisy),
                is_final, texels)) {
         if (tile.is_final)
           tiles.push_back(tile);
@@ -342,11 +344,11 @@ Level build_level(const Device& device, const Primitives& primitives, const Part
     leaves.clear();
     append_children(own, requests, leaves);
     for (std::size_t k = 0; k < requests.size(); ++k)
-      if (bare.contains(requests[k].node)) bare.insert({leaves[2 * k], leaves[2 * k + 1]});
+      if (uncovered.contains(requests[k].node)) uncovered.insert({leaves[2 * k], leaves[2 * k + 1]});
     if (hybrid == Hybrid::kAuto) {
       const std::vector<std::uint32_t> parted =
-          part_bare(own, primitives, std::span(tiles).subspan(first_tile));
-      bare.insert(parted.begin(), parted.end());
+          split_uncovered(own, primitives, std::span(tiles).subspan(first_tile));
+      uncovered.insert(parted.begin(), parted.end());
       leaves.insert(leaves.end(), parted.begin(), parted.end());
     }
     clock.lap(time.partition);
@@ -384,11 +386,11 @@ Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& confi
   Partition partition = make_root(primitives, cones, config.split, config.partition);
   const float own_area = partition.nodes[0].sums.area;
   const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
-  if (!(area > 0)) throw Error(ExitCode::kInput, "", "the scan has no area");
+  if (!(area > 0)) throw Error(ErrorKind::kInput, "", "the scan has no area");
   // Squares of areas must stay within float on the device.
   if (!(area >= kLeastArea && area <= kMostArea))
     throw Error(
-        ExitCode::kInput, "",
+        ErrorKind::kInput, "",
         "the scan's area is beyond what float can work with; scale it to a size between 1e-6 and 1e8");
   clock.lap(time.upload);
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-#include "pipeline/rbvh/top_tree.h"
+#include "pipeline/bvh/top_tree.h"
 
 namespace rbvh {
 namespace {

@@ -78,7 +78,7 @@ Split best_plane(const PartitionNode& node, const SplitBin* bins) {
 void choose_planes(const Partition& partition, const Primitives& primitives,
                    const std::vector<std::uint32_t>& nodes, std::vector<Split>& splits) {
   const Device& device = primitives.device;
-  const Kernel bin = device.kernel("partition", "partition_bins");
+  const Kernel bin = device.kernel("build/partition", "partition_bins");
   for (std::size_t k = 0; k < nodes.size();) {
     std::vector<Run> runs;
     std::vector<SplitGrid> grids;

@@ -8,8 +8,8 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/atlas.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
@@ -52,7 +52,7 @@ void grow_range(Layer& layer, std::span<const float> values) {
   if (std::isinf(hi - lo)) {
     char range[64];
     std::snprintf(range, sizeof range, "%g to %g", static_cast<double>(lo), static_cast<double>(hi));
-    throw Error(ExitCode::kInput, "",
+    throw Error(ErrorKind::kInput, "",
                 "layer " + layer.name + " would have values from " + range +
                     ", further apart than a float can say; bring them closer together");
   }
@@ -202,7 +202,7 @@ Layer make_layer(const Level& level, const std::string& name, std::uint32_t chan
     const auto side = [&](std::uint16_t texels) {
       const double wanted = std::max(1.0, std::round((texels - 1) * scale)) + 1;
       if (!(wanted <= 65535))
-        throw Error(ExitCode::kBudget, "",
+        throw Error(ErrorKind::kBudget, "",
                     "layer " + name + " would have tiles over 65535 texels wide; lower its scale");
       return static_cast<std::uint16_t>(wanted);
     };
@@ -298,7 +298,7 @@ void add_property_layers(std::vector<Level>& levels, const Scan& scan, const std
     if (property == scan.properties.end() || is_standard_layer(name)) {
       std::string there;
       for (const ScalarProperty& p : scan.properties) there += (there.empty() ? "" : ", ") + p.name;
-      throw Error(ExitCode::kUsage, "",
+      throw Error(ErrorKind::kUsage, "",
                   "the scan's vertices have no property '" + name + "' to make a layer of; there " +
                       (there.empty() ? "are none" : "are " + there));
     }

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "pipeline/base/error.h"
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/layers.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
@@ -173,7 +173,7 @@ std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const L
   const bool is_cloud = rbvh.source.triangles == 0;
   const Scan scan = scan_of_level(from, is_cloud);
   if (scan.positions.empty() || scan.is_cloud() != is_cloud)
-    throw Error(ExitCode::kInput, "", "level " + from.name + " has no surface to derive another from");
+    throw Error(ErrorKind::kInput, "", "level " + from.name + " has no surface to derive another from");
   BuildConfig config;
   config.levels = levels;
   config.area = rbvh.source.area;

@@ -23,7 +23,7 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
     to.area_normal[k] += from.area_normal[k];
   }
   to.area += from.area;
-  to.rims += from.rims;
+  to.boundary += from.boundary;
   to.count += from.count;
 }
 
@@ -40,7 +40,7 @@ void measure_cones(Partition& partition, const Primitives& primitives, std::size
     axes.push_back({axis.x, axis.y, axis.z, 0});
   }
   const Buffer<float> device_cosines(device, runs.size());
-  device.kernel("partition", "partition_cones")
+  device.kernel("build/partition", "partition_cones")
       .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
            static_cast<std::uint32_t>(runs.size()), Buffer<Float4>(device, axes), partition.references,
            primitives.area_normal, device_cosines);
@@ -62,7 +62,7 @@ void find_objects(Partition& partition, const Primitives& primitives, std::size_
     append_runs(runs, static_cast<std::uint32_t>(n), node.begin, node.end, kRunLength);
   }
   const Buffer<ObjectSet> sets(device, runs.size());
-  device.kernel("partition", "partition_objects")
+  device.kernel("build/partition", "partition_objects")
       .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
            static_cast<std::uint32_t>(runs.size()), partition.references, primitives.objects, sets);
   const std::vector<ObjectSet> found = sets.read();
@@ -87,7 +87,7 @@ Partition make_root(const Primitives& primitives, bool cones, SplitRule rule, Pa
   std::vector<Run> runs;
   append_runs(runs, 0, 0, primitives.count, kRunLength);
   const Buffer<PrimitiveSums> sums(device, runs.size());
-  device.kernel("partition", "partition_reduce")
+  device.kernel("build/partition", "partition_reduce")
       .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
            static_cast<std::uint32_t>(runs.size()), partition.references, primitives.box_lo,
            primitives.box_hi, primitives.area_normal, sums);
@@ -117,7 +117,7 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
 
   // Where a split leaves one side empty the next kind is tried; a split by count always works.
   std::vector<PrimitiveSums> sums, children;
-  const Kernel choose = device.kernel("partition", "partition_choose");
+  const Kernel choose = device.kernel("build/partition", "partition_choose");
   const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
   for (bool stuck = true; stuck;) {
     choose.run(runs.size(), group, device_runs, run_count, Buffer<Split>(device, splits),
@@ -155,10 +155,10 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     }
   }
   const Buffer<std::uint32_t> moved(device, primitives.count);
-  device.kernel("partition", "partition_scatter")
+  device.kernel("build/partition", "partition_scatter")
       .run(runs.size(), group, device_runs, run_count, Buffer<std::uint32_t>(device, targets),
            partition.references, sides, moved);
-  device.kernel("partition", "partition_copy")
+  device.kernel("build/partition", "partition_copy")
       .run(runs.size(), group, device_runs, run_count, moved, partition.references);
 
   const std::size_t first_child = nodes.size();
@@ -209,9 +209,9 @@ void split_once(Partition& partition, const Primitives& primitives,
     if (by == SplitBy::kRule || (by != SplitBy::kFirst && splits[k].kind == RBVH_SPLIT_OBJECT)) continue;
     const PartitionNode& node = partition.nodes[requests[k].node];
     splits[k] = spatial_median(node);
-    splits[k].kind = by == SplitBy::kFacing ? RBVH_SPLIT_FACING
-                     : by == SplitBy::kRim  ? RBVH_SPLIT_RIM
-                                            : RBVH_SPLIT_COUNT;
+    splits[k].kind = by == SplitBy::kFacing     ? RBVH_SPLIT_FACING
+                     : by == SplitBy::kBoundary ? RBVH_SPLIT_BOUNDARY
+                                                : RBVH_SPLIT_COUNT;
     if (by == SplitBy::kFirst) splits[k].middle = node.begin + requests[k].first;
     std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
     splits[k].position = requests[k].cosine;

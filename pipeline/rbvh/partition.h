@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/base/progress.h"
 #include "pipeline/rbvh/primitives.h"
 
@@ -64,10 +64,10 @@ void split_nodes(Partition& partition, const Primitives& primitives, std::vector
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
 
 enum class SplitBy {
-  kRule,    ///< as split_nodes()
-  kFacing,  ///< what faces along `facing` from what does not
-  kRim,     ///< what touches the surface's rim from what does not
-  kFirst,   ///< the `first` first references from the rest
+  kRule,      ///< as split_nodes()
+  kFacing,    ///< what faces along `facing` from what does not
+  kBoundary,  ///< what touches the surface's rim from what does not
+  kFirst,     ///< the `first` first references from the rest
 };
 
 /// A node to be split once.

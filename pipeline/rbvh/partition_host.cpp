@@ -41,12 +41,12 @@ PartitionNode make_node(const Partition& partition, References all, std::uint32_
   Bounds3d box;
   double area = 0;
   Vec3d normal;
-  float rims = 0;
+  float boundary = 0;
   for (const std::uint32_t i : own) {
     box.add(box_of(p, i));
     area += static_cast<double>(p.box_lo[i].w);
     normal = normal + xyz(p.area_normal[i]);
-    rims += p.area_normal[i].w;
+    boundary += p.area_normal[i].w;
   }
   PartitionNode node{.begin = begin, .end = end, .objects = objects_of(p, own)};
   for (int axis = 0; axis < 3; ++axis) {
@@ -56,7 +56,7 @@ PartitionNode make_node(const Partition& partition, References all, std::uint32_
   }
   node.sums.area = static_cast<float>(area);
   node.sums.count = end - begin;
-  node.sums.rims = rims;
+  node.sums.boundary = boundary;
   if (!partition.cones) return node;
   double least = 1;
   const Vec3d mean = normalized(normal);
@@ -147,7 +147,7 @@ std::uint32_t split_in_two(const Partition& partition, References references, co
         const Vec3d n = xyz(p.area_normal[i]);
         return dot(n, Vec3d(request.facing)) >= static_cast<double>(request.cosine) * length(n);
       });
-    } else if (request.by == SplitBy::kRim) {
+    } else if (request.by == SplitBy::kBoundary) {
       ways.push_back([&p](std::uint32_t i) { return p.area_normal[i].w != 0; });
     } else if (partition.rule == SplitRule::kSurfaceArea) {
       if (const std::optional<Plane> plane = cheapest_plane(p, references, box))

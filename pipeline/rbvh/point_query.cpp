@@ -12,7 +12,7 @@ namespace {
 /// Points on the device at once.
 constexpr std::size_t kBatch = std::size_t{1} << 20;
 /// A tile reaches no further past its leaf's box than this: RasterConfig's reach, and some room.
-constexpr double kRimTexels = 3;
+constexpr double kBoundaryTexels = 3;
 /// Surfaces this much farther than the nearest one are others (texels).
 constexpr float kSameSurfaceTexels = 0.5f;
 constexpr float kReachTexels = 4;
@@ -31,7 +31,7 @@ std::vector<RbvhNode> grown_nodes(const Level& level) {
     RbvhNode& node = nodes[i];
     if (node.count != 0) {
       const TileFrame frame(level.leaves[node.first]);
-      const auto rim = static_cast<float>(kRimTexels * std::max(length(frame.u), length(frame.v)));
+      const auto rim = static_cast<float>(kBoundaryTexels * std::max(length(frame.u), length(frame.v)));
       for (int axis = 0; axis < 3; ++axis) {
         node.lo[axis] -= rim;
         node.hi[axis] += rim;
@@ -67,7 +67,7 @@ PointIndex make_point_index(const Device& device, const Level& level) {
 PointHits query_points(const PointIndex& index, std::span<const Vec3f> points, float radius) {
   PointHits result;
   result.firsts.reserve(points.size() + 1);
-  const Kernel find = index.device.kernel("point_query", "point_query_find");
+  const Kernel find = index.device.kernel("trace/point_query", "point_query_find");
   for (std::size_t begin = 0; begin < points.size(); begin += kBatch) {
     const std::size_t count = std::min(kBatch, points.size() - begin);
     const Buffer<float> device_points(
@@ -88,7 +88,7 @@ PointHits query_points(const PointIndex& index, std::span<const Vec3f> points, f
       result.firsts.push_back(result.hits.size() + total);
     }
     if (total > 0xffffffffu)
-      throw Error(ExitCode::kBudget, "", "the points' radius reaches over 4 billion tiles; make it smaller");
+      throw Error(ErrorKind::kBudget, "", "the points' radius reaches over 4 billion tiles; make it smaller");
     const std::size_t before = result.hits.size();
     result.hits.resize(before + total);
     if (total == 0) continue;

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/rbvh.h"
 

@@ -58,7 +58,7 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
   const Vec3f e = box.extent();
   Buffer<std::uint32_t> codes(device, count);
   p.order = Buffer<std::uint32_t>(device, count);
-  device.kernel("primitives", "primitives_morton")
+  device.kernel("build/primitives", "primitives_morton")
       .run(count, group, positions, p.indices, p.discs ? 1u : 3u, p.count,
            Float4{box.lo.x, box.lo.y, box.lo.z, 0}, Float4{cells(e.x), cells(e.y), cells(e.z), 0}, codes,
            p.order);
@@ -87,19 +87,19 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
       p.area += spacing * spacing * static_cast<double>(r) * static_cast<double>(r);
     }
     p.mean_radius = static_cast<float>(sum / static_cast<double>(count));
-    device.kernel("primitives", "primitives_discs")
+    device.kernel("build/primitives", "primitives_discs")
         .run(count, group, positions, p.normals, radii, static_cast<float>(spacing), p.order, p.count,
              p.shape, p.box_lo, p.box_hi, p.area_normal);
   } else {
     Buffer<std::uint32_t> left_over(device, vertices);
     left_over.fill(0);
-    device.kernel("primitives", "primitives_rims").run(count, group, p.indices, p.count, left_over);
+    device.kernel("build/primitives", "primitives_boundary").run(count, group, p.indices, p.count, left_over);
     p.area = surface_area(scan);
-    device.kernel("primitives", "primitives_triangles")
+    device.kernel("build/primitives", "primitives_triangles")
         .run(count, group, positions, p.indices, p.order, left_over, p.count, p.shape, p.box_lo, p.box_hi,
              p.area_normal);
   }
-  device.kernel("primitives", "primitives_smooth_areas")
+  device.kernel("build/primitives", "primitives_smooth_areas")
       .run((count + kWindow - 1) / kWindow, job_group_size(device), p.count, kWindow,
            static_cast<float>(kPatchTexels * p.area / standard_levels().front().rho), p.area_normal,
            p.box_lo);

@@ -18,7 +18,7 @@ struct Primitives {
   std::uint32_t count = 0;
   Buffer<std::uint32_t> order;    ///< Morton order -> index in the scan
   Buffer<std::uint32_t> indices;  ///< 3 vertices a triangle, in the scan's order; one dummy for discs
-  Buffer<float> shape;            ///< 9 floats each (kernels/primitives.cl)
+  Buffer<float> shape;            ///< 9 floats each (kernels/build/primitives.cl)
   Buffer<Float4> box_lo;          ///< w: area, without what noise finer than Q0's texels adds
   Buffer<Float4> box_hi;
   Buffer<Float4> area_normal;    ///< w: 1 where the primitive touches the surface's rim

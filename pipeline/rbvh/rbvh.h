@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/base/vec.h"
 
 namespace rbvh {
@@ -49,7 +49,7 @@ struct LevelMeasures {
   std::uint32_t views = 0, resolution = 0;   ///< how it was measured; no views: it was not
 };
 
-/// Measured against exact ray casting (pipeline/rbvh/fidelity.h).
+/// Measured against exact ray casting (pipeline/measure/fidelity.h).
 struct LevelFidelity {
   float mask_mismatch_percent, median_dt, p99_dt;  ///< dt as a fraction of the bounding-box diagonal
   std::uint32_t holes, leaks, walls;               ///< worst view

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/base/vec.h"
 
 namespace rbvh {

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "pipeline/base/error.h"
-#include "pipeline/rbvh/guests.h"
+#include "pipeline/rbvh/overlaps.h"
 
 namespace rbvh {
 namespace {
@@ -173,7 +173,7 @@ std::vector<TileExtents> find_extents(const Raster& raster, const Runs& own,
                                       const std::vector<TileAxes>& axes) {
   const Buffer<TileExtents> partial(raster.device(), own.count);
   raster.device()
-      .kernel("rasterize", "rasterize_extents")
+      .kernel("build/rasterize", "rasterize_extents")
       .run(own.count, raster.group(), own.runs, own.count, Buffer<TileAxes>(raster.device(), axes),
            raster.partition.references, raster.primitives.shape, raster.discs(), partial);
   const std::vector<Run> runs = own.runs.read();
@@ -192,7 +192,7 @@ void place_texels(Raster& raster, const std::vector<TileAxes>& axes,
     tile.offset = static_cast<std::uint32_t>(raster.texel_count);
     raster.texel_count += static_cast<std::uint64_t>(tile.width) * tile.height;
     if (raster.texel_count > 0xffffffffu)
-      throw Error(ExitCode::kBudget, "", "a level needs more than 4 billion texels; lower rho");
+      throw Error(ErrorKind::kBudget, "", "a level needs more than 4 billion texels; lower rho");
   }
 }
 
@@ -205,15 +205,15 @@ std::vector<Tile> rasterize_heights(Raster& raster, const Runs& own, const std::
   for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest}) buffer->fill(0);
   const Buffer<TileFaults> device_faults(device, std::vector<TileFaults>(raster.tiles.size()));
   const RasterConfig& config = raster.config;
-  device.kernel("rasterize", "rasterize")
+  device.kernel("build/rasterize", "rasterize")
       .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
            raster.primitives.shape, raster.discs(), raster.config.own_reach, config.reach, raster.keys,
            lowest, highest, device_faults);
-  device.kernel("rasterize", "rasterize_faults")
+  device.kernel("build/rasterize", "rasterize_faults")
       .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, lowest, highest,
            config.layer_gap, config.step_limit, device_faults);
   if (!raster.primitives.discs)
-    device.kernel("rasterize", "rasterize_misses")
+    device.kernel("build/rasterize", "rasterize_misses")
         .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
              raster.primitives.shape, config.miss_limit, raster.keys, device_faults);
   const std::vector<TileFaults> faults = device_faults.read();
@@ -245,8 +245,8 @@ void drop_tiles(Raster& raster, const std::vector<Tile>& drafts) {
   raster.tiles.resize(kept);
 }
 
-Guests guests_of(const Raster& raster) {
-  std::vector<GuestQuery> queries(raster.tiles.size());
+Overlaps overlaps_of(const Raster& raster) {
+  std::vector<OverlapQuery> queries(raster.tiles.size());
   for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
     const PartitionNode& node = raster.node(k);
     const float reach = raster.config.reach * texel_size(raster.tiles[k]);
@@ -257,57 +257,57 @@ Guests guests_of(const Raster& raster) {
     queries[k].begin = node.begin;
     queries[k].end = node.end;
   }
-  return find_guests(raster.partition, raster.primitives, queries);
+  return find_overlaps(raster.partition, raster.primitives, queries);
 }
 
-Runs guest_runs(const Raster& raster, const Guests& guests) {
+Runs overlap_runs(const Raster& raster, const Overlaps& overlaps) {
   std::vector<Run> runs;
   for (std::uint32_t k = 0; k < raster.tiles.size(); ++k)
-    append_runs(runs, k, guests.firsts[k], guests.firsts[k + 1], kRunLength);
+    append_runs(runs, k, overlaps.firsts[k], overlaps.firsts[k + 1], kRunLength);
   return {Buffer<Run>(raster.device(), runs), static_cast<std::uint32_t>(runs.size())};
 }
 
 /// The tiles' rims, by what their neighbours have there.
-void merge_guests(const Raster& raster, const Buffer<RasterTile>& tiles, const Guests& guests,
-                  const Runs& runs) {
+void merge_overlaps(const Raster& raster, const Buffer<RasterTile>& tiles, const Overlaps& overlaps,
+                    const Runs& runs) {
   const RasterConfig& config = raster.config;
-  Buffer<std::uint32_t> guest_keys(raster.device(), raster.texel_count);
-  guest_keys.fill(0);
+  Buffer<std::uint32_t> overlap_keys(raster.device(), raster.texel_count);
+  overlap_keys.fill(0);
   raster.device()
-      .kernel("rasterize", "rasterize_widen")
+      .kernel("build/rasterize", "rasterize_widen")
       .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys);
   raster.device()
-      .kernel("rasterize", "rasterize_guests")
-      .run(runs.count, raster.group(), runs.runs, runs.count, tiles, guests.primitives,
+      .kernel("build/rasterize", "rasterize_overlaps")
+      .run(runs.count, raster.group(), runs.runs, runs.count, tiles, overlaps.primitives,
            raster.primitives.shape, raster.primitives.area_normal,
-           config.rims_apart ? config.rim_reach : 2 * config.reach, config.reach, config.layer_gap,
-           raster.keys, guest_keys);
+           config.boundary_apart ? config.boundary_reach : 2 * config.reach, config.reach, config.layer_gap,
+           raster.keys, overlap_keys);
   raster.device()
-      .kernel("rasterize", "rasterize_merge")
-      .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, guest_keys,
+      .kernel("build/rasterize", "rasterize_merge")
+      .run(raster.tiles.size(), raster.group(), tiles, raster.tile_count(), raster.keys, overlap_keys,
            config.reach, config.turn_reach, config.open_reach);
 }
 
 /// Tells the tiles which of their triangles they do not show.
-void find_bare(const Raster& raster, const Runs& own, const Buffer<RasterTile>& tiles,
-               std::vector<Tile>& finished) {
+void find_uncovered(const Raster& raster, const Runs& own, const Buffer<RasterTile>& tiles,
+                    std::vector<Tile>& finished) {
   const Device& device = raster.device();
   std::uint32_t room = 1 << 12;
   std::vector<std::uint32_t> list;
   for (bool is_whole = false; !is_whole; room = list[0]) {
     Buffer<std::uint32_t> device_list(device, room + 1);
     device_list.fill(0);
-    device.kernel("rasterize", "rasterize_bare")
+    device.kernel("build/rasterize", "rasterize_uncovered")
         .run(own.count, raster.group(), own.runs, own.count, tiles, raster.partition.references,
-             raster.primitives.shape, raster.config.bare_slack, raster.keys, room, device_list);
+             raster.primitives.shape, raster.config.uncovered_slack, raster.keys, room, device_list);
     list = device_list.read();
     is_whole = list[0] <= room;
   }
   const auto first = list.begin() + 1, last = first + list[0];
   std::sort(first, last);
   for (std::size_t k = 0; k < finished.size(); ++k)
-    finished[k].bare.assign(std::lower_bound(first, last, raster.node(k).begin),
-                            std::lower_bound(first, last, raster.node(k).end));
+    finished[k].uncovered.assign(std::lower_bound(first, last, raster.node(k).begin),
+                                 std::lower_bound(first, last, raster.node(k).end));
 }
 
 /// Heights in the tiles' own quanta; completes the leaves.
@@ -315,7 +315,7 @@ std::vector<std::uint16_t> quantize(const Raster& raster, const Buffer<RasterTil
                                     std::vector<Tile>& finished) {
   const Device& device = raster.device();
   const Buffer<TileRange> device_ranges(device, raster.tiles.size());
-  device.kernel("rasterize", "rasterize_range")
+  device.kernel("build/rasterize", "rasterize_range")
       .run(raster.tiles.size(), raster.group(), device_tiles, raster.tile_count(), raster.keys,
            device_ranges);
   const std::vector<TileRange> ranges = device_ranges.read();
@@ -341,7 +341,7 @@ std::vector<std::uint16_t> quantize(const Raster& raster, const Buffer<RasterTil
     tile.bounds.hi = tile.bounds.hi + pad;
   }
   const Buffer<std::uint16_t> heights(device, raster.texel_count);
-  device.kernel("rasterize", "rasterize_quantize")
+  device.kernel("build/rasterize", "rasterize_quantize")
       .run(raster.tiles.size(), raster.group(), device_tiles, raster.tile_count(),
            Buffer<std::uint32_t>(device, bases), Buffer<float>(device, scales), raster.keys, heights);
   return heights.read();
@@ -364,13 +364,13 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
   const Buffer<RasterTile> tiles(device, raster.tiles);
   const Runs own = own_runs(raster);
   // Of discs there are none: the rim is the scan's own roughness and stays, lest it have holes.
-  Guests guests;
+  Overlaps overlaps;
   Runs visiting;
   if (!primitives.discs) {
-    guests = guests_of(raster);
-    visiting = guest_runs(raster, guests);
-    merge_guests(raster, tiles, guests, visiting);
-    find_bare(raster, own, tiles, finished);
+    overlaps = overlaps_of(raster);
+    visiting = overlap_runs(raster, overlaps);
+    merge_overlaps(raster, tiles, overlaps, visiting);
+    find_uncovered(raster, own, tiles, finished);
   }
   const std::vector<std::uint16_t> heights = quantize(raster, tiles, finished);
 
@@ -378,13 +378,13 @@ void finish_tiles(const Raster& raster, std::vector<Tile>& finished, TileTexels&
   normals.fill(0);
   colors.fill(0);
   const auto signals = [&](const Runs& of, const Buffer<std::uint32_t>& references, float reach) {
-    device.kernel("rasterize", "rasterize_signals")
+    device.kernel("build/rasterize", "rasterize_signals")
         .run(of.count, raster.group(), of.runs, of.count, tiles, references, primitives.shape, raster.discs(),
              reach, raster.config.reach, raster.keys, primitives.order, primitives.indices,
              primitives.normals, primitives.colors, primitives.has_colors ? 1u : 0u, normals, colors);
   };
   signals(own, raster.partition.references, raster.config.own_reach);
-  if (!primitives.discs) signals(visiting, guests.primitives, raster.config.reach);
+  if (!primitives.discs) signals(visiting, overlaps.primitives, raster.config.reach);
 
   std::size_t first = texels.heights.size();
   for (Tile& tile : finished) {

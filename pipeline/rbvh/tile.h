@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/primitives.h"
 
@@ -17,14 +17,15 @@ struct Tile {
   RbvhLeaf leaf{};         ///< all but its place in the atlas
   Bounds3f bounds;         ///< what a ray must touch to be tested against the tile
   std::uint32_t texels_used = 0;
-  std::size_t first_texel = 0;      ///< in TileTexels
-  bool is_exact = false;            ///< keeps its primitives
-  bool is_final = false;            ///< else it has no texels yet, and is to be split
-  bool is_faulty = false;           ///< two layers, steep area, a step or missed corners: better split
-  bool has_back = false;            ///< part of it faces away: better split by facing, along w
-  bool is_steep = false;            ///< part of it stands on the tile's plane: likewise
-  Vec3f w;                          ///< the tile's outside, unit
-  std::vector<std::uint32_t> bare;  ///< places among the references of triangles that no march finds in it
+  std::size_t first_texel = 0;  ///< in TileTexels
+  bool is_exact = false;        ///< keeps its primitives
+  bool is_final = false;        ///< else it has no texels yet, and is to be split
+  bool is_faulty = false;       ///< two layers, steep area, a step or missed corners: better split
+  bool has_back = false;        ///< part of it faces away: better split by facing, along w
+  bool is_steep = false;        ///< part of it stands on the tile's plane: likewise
+  Vec3f w;                      ///< the tile's outside, unit
+  std::vector<std::uint32_t>
+      uncovered;  ///< places among the references of triangles that no march finds in it
 };
 
 /// The texels of many tiles, one after the other.
@@ -33,19 +34,19 @@ struct TileTexels {
 };
 
 struct RasterConfig {
-  bool rims_apart = false;  ///< what touches the surface's rim is not in tiles
-  float rho = 0;            ///< texels per unit of area, scan units: the paper's rho / total area
+  bool boundary_apart = false;  ///< what touches the surface's rim is not in tiles
+  float rho = 0;                ///< texels per unit of area, scan units: the paper's rho / total area
   float fill = 1.5f;        ///< the tile's rectangle is taken to be so much larger than what is covered of it
   float own_reach = 1.0f;   ///< texels past a primitive that it speaks for
   float reach = 1.5f;       ///< texels past a tile's primitives that its neighbours' may speak for
   float turn_reach = 1.2f;  ///< where they turn away: over a crest, say
   float open_reach = 0.6f;  ///< where nothing does: the surface ends there
-  float rim_reach = 0.45f;  ///< texels past a rim that is not in tiles that they may reach
-  float layer_gap = 2;      ///< two coverings of a texel further apart (texels) are two layers
-  float steep_limit = 4;    ///< area (texels) of what stands steep on the tile that is worth a split
-  float miss_limit = 0.75f;  ///< corners further (texels) from the heights around them are worth a split
-  float bare_slack = 0.02f;  ///< a triangle may reach so far (texels) into a cell with an empty corner
-  float step_limit = 2;      ///< neighbours further apart in height (texels) than this are worth a split
+  float boundary_reach = 0.45f;   ///< texels past a rim that is not in tiles that they may reach
+  float layer_gap = 2;            ///< two coverings of a texel further apart (texels) are two layers
+  float steep_limit = 4;          ///< area (texels) of what stands steep on the tile that is worth a split
+  float miss_limit = 0.75f;       ///< corners further (texels) from the heights around them are worth a split
+  float uncovered_slack = 0.02f;  ///< a triangle may reach so far (texels) into a cell with an empty corner
+  float step_limit = 2;           ///< neighbours further apart in height (texels) than this are worth a split
 };
 
 /// Neighbouring texels of a tile whose heights differ by more than this many texel sides are not connected.

@@ -14,7 +14,7 @@ constexpr double kMargin = 1.04;    // the frame is this much wider than the obj
 constexpr double kFarthest = 1e30;  // scan units; rays are floats
 constexpr double kDefaultViewAngle = 30, kDefaultAzimuth = 30, kDefaultElevation = 20;
 
-[[noreturn]] void refuse(const std::string& what) { throw Error(ExitCode::kUsage, "", what); }
+[[noreturn]] void refuse(const std::string& what) { throw Error(ErrorKind::kUsage, "", what); }
 
 // Rodrigues' rotation by `degrees` about the unit vector `axis`.
 Vec3d rotate(Vec3d v, Vec3d axis, double degrees) {

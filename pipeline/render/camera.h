@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/base/vec.h"
 
 namespace rbvh {

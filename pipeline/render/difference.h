@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "pipeline/rbvh/fidelity.h"
+#include "pipeline/measure/fidelity.h"
 #include "pipeline/render/image.h"
 
 namespace rbvh {

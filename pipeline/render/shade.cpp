@@ -18,7 +18,7 @@ constexpr std::size_t kRows = 8;
 // The look. Colours are linear light.
 constexpr Vec3f kBackTint{0.55f, 0.60f, 0.70f};  // the inside of a surface is darker and cooler
 constexpr Vec3f kKey{0.92f, 0.88f, 0.82f}, kSky{0.34f, 0.39f, 0.47f}, kGround{0.08f, 0.07f, 0.06f};
-constexpr float kFill = 0.10f, kRim = 0.16f, kGloss = 0.06f, kGlossExponent = 24;
+constexpr float kFill = 0.10f, kBoundary = 0.16f, kGloss = 0.06f, kGlossExponent = 24;
 constexpr float kValley = 0.45f, kRidge = 0.25f;
 
 constexpr float kPixelsAtWhichReliefIsSought[] = {1, 2.5f, 6};  // for 1024 rows
@@ -67,7 +67,7 @@ Vec3f light(Vec3f albedo, Vec3f normal, Vec3f view, const Lights& lights) {
   const float gloss = kGloss * std::pow(std::max(0.f, dot(normal, halfway)), kGlossExponent);
   const float away = 1 - facing;
   return times(albedo, kKey * key + sky + Vec3f{kFill, kFill, kFill} * facing) +
-         sky * (kRim * away * away * away) + kKey * gloss;
+         sky * (kBoundary * away * away * away) + kKey * gloss;
 }
 
 const std::array<float, 256>& srgb_table() {
@@ -302,7 +302,7 @@ Image steps_image(const CameraRays& rays, std::span<const std::uint32_t> steps) 
 
 Image shown_image(Aov aov, const Image& data) {
   if (aov == Aov::kDepth || aov == Aov::kPosition)
-    throw Error(ExitCode::kUsage, "", "depth and position are written as .exr only");
+    throw Error(ErrorKind::kUsage, "", "depth and position are written as .exr only");
   Image image = make_image(Image::Kind::kShown, data.width, data.height, {"R", "G", "B", "A"});
   const std::size_t pixels = std::size_t{data.width} * data.height;
   float most = 1;

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/render/image.h"
 #include "pipeline/scan/scan.h"

@@ -45,9 +45,9 @@ std::size_t count_objects(const Scan& scan) {
 
 void check_usable(const Scan& scan, const std::string& file) {
   const Bounds3f box = bounds(scan);
-  if (box.empty()) throw Error(ExitCode::kInput, file, "has no point with finite coordinates");
+  if (box.empty()) throw Error(ErrorKind::kInput, file, "has no point with finite coordinates");
   if (!(box.diagonal() > 0))  // also where it is too small for float
-    throw Error(ExitCode::kInput, file, "all points are equal: there is no surface");
+    throw Error(ErrorKind::kInput, file, "all points are equal: there is no surface");
 }
 
 Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, IngestReport& counts,
@@ -56,7 +56,7 @@ Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, 
   counts.faces_in = raw.triangles.size();
   const bool is_mesh = !raw.triangles.empty();
   if (is_mesh && (config.voxel > 0 || config.viewpoint || config.recompute_normals))
-    throw Error(ExitCode::kUsage, file, "is a mesh: voxels, viewpoints and new normals are for clouds only");
+    throw Error(ErrorKind::kUsage, file, "is a mesh: voxels, viewpoints and new normals are for clouds only");
 
   report(progress, "clean", 0);
   const Vec3d old_shift = raw.shift;
@@ -65,7 +65,7 @@ Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, 
   counts.cleaned = clean(scan);
   const auto check_left = [&](const char* because) {
     if (scan.positions.empty() || (is_mesh && scan.triangles.empty()))
-      throw Error(ExitCode::kInput, file, because);
+      throw Error(ErrorKind::kInput, file, because);
   };
   check_left("no face with an area is left after cleaning");
   if (config.outliers)

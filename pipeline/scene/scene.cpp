@@ -1,6 +1,6 @@
 #include "pipeline/scene/scene.h"
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
@@ -17,7 +17,7 @@ std::vector<std::uint32_t> first_leaves(const Scene& scene) {
   for (const SceneInstance& instance : scene.instances) {
     const std::uint64_t next = std::uint64_t{first.back()} + leaf_count(scene.objects[instance.object]);
     if (next >= RBVH_NO_LEAF)
-      throw Error(ExitCode::kBudget, {}, "more than 2^32 leaves in all instances; leave some out");
+      throw Error(ErrorKind::kBudget, {}, "more than 2^32 leaves in all instances; leave some out");
     first.push_back(static_cast<std::uint32_t>(next));
   }
   return first;

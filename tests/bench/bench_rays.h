@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/layout.h"
+#include "kernels/common/layout.h"
 #include "pipeline/base/vec.h"
 
 namespace rbvh::bench {

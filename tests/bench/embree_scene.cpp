@@ -160,7 +160,7 @@ EmbreeScene::EmbreeScene(const Scan& scan, const EmbreeBuild& build, int threads
       "threads=" + std::to_string(threads) + (build.device_config.empty() ? "" : "," + build.device_config);
   state.device = rtcNewDevice(words.c_str());
   if (state.device == nullptr)
-    throw Error(ExitCode::kFailure, {}, "Embree does not start with '" + words + "'");
+    throw Error(ErrorKind::kFailure, {}, "Embree does not start with '" + words + "'");
   rtcSetDeviceMemoryMonitorFunction(
       state.device,
       [](void* at, ssize_t bytes, bool) {
@@ -182,7 +182,7 @@ EmbreeScene::EmbreeScene(const Scan& scan, const EmbreeBuild& build, int threads
   rtcCommitScene(state.scene);
   state.build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (const RTCError error = rtcGetDeviceError(state.device); error != RTC_ERROR_NONE) {
-    throw Error(ExitCode::kFailure, {}, "Embree " + build.name + ": error " + std::to_string(error));
+    throw Error(ErrorKind::kFailure, {}, "Embree " + build.name + ": error " + std::to_string(error));
   }
 }
 
@@ -284,7 +284,7 @@ std::vector<EmbreeBuild> embree_builds() { return {}; }
 std::vector<EmbreeVariant> embree_variants() { return {}; }
 std::string embree_version() { return {}; }
 EmbreeScene::EmbreeScene(const Scan&, const EmbreeBuild&, int) {
-  throw Error(ExitCode::kFailure, {}, "built without Embree");
+  throw Error(ErrorKind::kFailure, {}, "built without Embree");
 }
 EmbreeScene::~EmbreeScene() = default;
 EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;

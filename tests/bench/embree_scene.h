@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "kernels/layout.h"
-#include "pipeline/rbvh/trace_rbvh.h"
+#include "kernels/common/layout.h"
 #include "pipeline/scan/scan.h"
+#include "pipeline/trace/trace_tile.h"
 
 namespace rbvh::bench {
 

@@ -12,10 +12,10 @@
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/exact/trace_exact.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/rbvh/trace_rbvh.h"
 #include "pipeline/render/camera.h"
+#include "pipeline/trace/trace_exact.h"
+#include "pipeline/trace/trace_tile.h"
 #include "tests/bench/bench_rays.h"
 #include "tests/bench/bench_report.h"
 #include "tests/bench/embree_scene.h"
@@ -208,7 +208,7 @@ void trace(const Device& device, const auto& tracer, const TimedRays& rays, bool
 /// The paper's table 1: where nodes are split, and by whom, at the finest level.
 void measure_splits(const Device& device, const Scan& scan, const TimedRays& rays, const Options& options,
                     Report& report) {
-  std::vector<RbvhTracer> tracers;
+  std::vector<TileTracer> tracers;
   BuildConfig config;
   config.levels = {standard_levels().front()};
   for (const SplitRule rule : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea})
@@ -222,7 +222,7 @@ void measure_splits(const Device& device, const Scan& scan, const TimedRays& ray
       for (int i = 0; i < options.build_repetitions; ++i)
         rbvh = timed_build(device, scan, config, split.build);
       split.nodes = 2 * rbvh.levels[0].leaves.size() - 1;
-      tracers.push_back(make_rbvh_tracer(device, rbvh.levels[0]));
+      tracers.push_back(make_tile_tracer(device, rbvh.levels[0]));
     }
   for (int i = -1; i < options.repetitions; ++i)
     for (const bool is_primary : {true, false})
@@ -238,8 +238,8 @@ void measure_splits(const Device& device, const Scan& scan, const TimedRays& ray
 void measure_rays(const Device& device, const Built& built, const Options& options, const TimedRays& rays,
                   Report& report) {
   const std::vector<Ray>&primary = rays.primary, &diffuse = rays.diffuse;
-  std::vector<RbvhTracer> tracers;
-  for (const Level& level : built.rbvh.levels) tracers.push_back(make_rbvh_tracer(device, level));
+  std::vector<TileTracer> tracers;
+  for (const Level& level : built.rbvh.levels) tracers.push_back(make_tile_tracer(device, level));
   const std::vector<EmbreeBuild> builds = embree_builds();
   for (const std::string kind : {"primary", "diffuse"}) {
     const bool is_primary = kind == "primary";
@@ -279,7 +279,7 @@ void measure_rays(const Device& device, const Built& built, const Options& optio
 Report measure(const Device& device, const std::string& path, const Options& options) {
   const Scan scan = shift_to_float(read_scan(path));
   if (scan.is_cloud() && (scan.normals.empty() || scan.radii.empty())) {
-    throw Error(ExitCode::kInput, path, "a cloud without normals and radii: ingest it first");
+    throw Error(ErrorKind::kInput, path, "a cloud without normals and radii: ingest it first");
   }
   Report report;
   report.scan = std::filesystem::path(path).stem().string();
@@ -344,7 +344,7 @@ int run(int argc, char** argv) {
     std::fputs(markdown(reports, options.tables).c_str(), stdout);
   } catch (const Error& error) {
     std::fprintf(stderr, "rbvh_bench: %s\n", error.what());
-    return static_cast<int>(error.code());
+    return 1;
   }
   return 0;
 }

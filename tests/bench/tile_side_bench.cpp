@@ -12,10 +12,10 @@
 
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
-#include "pipeline/exact/trace_exact.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/rbvh/trace_rbvh.h"
 #include "pipeline/render/camera.h"
+#include "pipeline/trace/trace_exact.h"
+#include "pipeline/trace/trace_tile.h"
 #include "tests/bench/bench_rays.h"
 
 namespace rbvh::bench {
@@ -34,7 +34,7 @@ struct Options {
 };
 
 struct Trial {
-  RbvhTracer tracer;
+  TileTracer tracer;
   double side = 0;  ///< mean of the tiles': the root of their mean texels
   std::size_t leaves = 0;
   std::vector<double>
@@ -106,7 +106,7 @@ void run(const Options& options) {
     Trial trial;
     double texels = 0;
     for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
-    trial.tracer = make_rbvh_tracer(device, built);
+    trial.tracer = make_tile_tracer(device, built);
     trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
     trial.leaves = built.leaves.size();
     return trial;
@@ -202,7 +202,7 @@ int main(int argc, char** argv) {
     rbvh::bench::run(options);
   } catch (const rbvh::Error& error) {
     std::fprintf(stderr, "tile_side_bench: %s\n", error.what());
-    return static_cast<int>(error.code());
+    return 1;
   }
   return 0;
 }

@@ -28,7 +28,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     rbvh::Scan scan = rbvh::shift_to_float(rbvh::read_scan(in));
-    if (scan.is_cloud()) throw rbvh::Error(rbvh::ExitCode::kInput, in, "is a cloud; a mesh is wanted");
+    if (scan.is_cloud()) throw rbvh::Error(rbvh::ErrorKind::kInput, in, "is a cloud; a mesh is wanted");
     double unit = rbvh::mean_edge(scan);
     for (int i = 0; i < steps; ++i) scan = rbvh::loop_subdivided(scan);
     if (points > 0) {
@@ -42,7 +42,7 @@ int main(int argc, char** argv) {
                  scan.positions.size(), scan.triangles.size(), noise, unit);
   } catch (const rbvh::Error& error) {
     std::fprintf(stderr, "vary_scan: %s\n", error.what());
-    return static_cast<int>(error.code());
+    return 1;
   }
   return 0;
 }

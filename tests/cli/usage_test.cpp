@@ -2,7 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/npy.h"
-#include "pipeline/exact/exact_methods.h"
+#include "pipeline/bvh/exact_methods.h"
 #include "tests/run_tool.h"
 
 namespace rbvh {

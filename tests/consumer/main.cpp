@@ -5,7 +5,7 @@
 
 #include "io/rbvh_file.h"
 #include "pipeline/device/device.h"
-#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/trace/trace_tile.h"
 
 int main(int argc, char** argv) try {
   if (argc != 2) {
@@ -15,7 +15,7 @@ int main(int argc, char** argv) try {
   const rbvh::Rbvh pair = rbvh::read_rbvh(argv[1]);
   const rbvh::Level& level = *pair.find_level("");  // the finest
   const rbvh::Device device = rbvh::Device::open();
-  const rbvh::RbvhTracer tracer = rbvh::make_rbvh_tracer(device, level);
+  const rbvh::TileTracer tracer = rbvh::make_tile_tracer(device, level);
 
   const rbvh::Vec3f middle = level.bounds.center();
   const float above = level.bounds.hi.z + 1;

@@ -4,12 +4,12 @@
 
 #include <numbers>
 
-#include "pipeline/exact/trace_exact.h"
+#include "pipeline/measure/fidelity.h"
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/rbvh/fidelity.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/radii.h"
+#include "pipeline/trace/trace_exact.h"
 #include "tests/bench/vary_scan.h"
 #include "tests/property.h"
 #include "tests/shapes.h"
@@ -51,7 +51,7 @@ Found compare(const Scan& mesh, const Scan& cloud) {
   };
   const ExactTracer exact_mesh = make_exact_tracer(device, mesh),
                     exact_discs = make_exact_tracer(device, cloud);
-  const RbvhTracer pair = make_rbvh_tracer(device, level);
+  const TileTracer pair = make_tile_tracer(device, level);
   Found found;
   const std::vector<CastView> casts = {[&](const CameraRays& c) { return cast(exact_discs, c); },
                                        [&](const CameraRays& c) { return cast(pair, c); }};

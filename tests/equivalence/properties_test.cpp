@@ -5,11 +5,11 @@
 #include <array>
 #include <set>
 
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/rbvh/tile.h"
-#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/trace/trace_tile.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
 #include "tests/shapes.h"
@@ -31,8 +31,8 @@ Frame random_frame(Random& random) {
 double height_over(const Scan& scan, Vec3d from, Vec3d up) {
   for (const Triangle& t : scan.triangles) {
     const oracle::Meeting meeting =
-        oracle::meet_triangle(point(scan.positions[t[0]]), point(scan.positions[t[1]]),
-                              point(scan.positions[t[2]]), {from.x, from.y, from.z}, {up.x, up.y, up.z});
+        oracle::intersect_triangle(point(scan.positions[t[0]]), point(scan.positions[t[1]]),
+                                   point(scan.positions[t[2]]), {from.x, from.y, from.z}, {up.x, up.y, up.z});
     if (meeting.crosses && meeting.inside > 1e-6) return meeting.t;
   }
   return std::numeric_limits<double>::quiet_NaN();
@@ -111,7 +111,7 @@ TEST(Properties, AnyRaysHitLiesWithinTheLevelsStatedErrorOfTheScan) {
         // As `build --measure` states it.
         const double stated = sampled_distance(surface_of(level), surface, 200000).max;
         const Buffer<Hit> hits(device, rays.size());
-        trace_rays(make_rbvh_tracer(device, level), Buffer<Ray>(device, rays), hits, rays.size(),
+        trace_rays(make_tile_tracer(device, level), Buffer<Ray>(device, rays), hits, rays.size(),
                    RayQuery::kNearest);
         double worst = 0;
         std::size_t found = 0;

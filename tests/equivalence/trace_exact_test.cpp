@@ -6,7 +6,7 @@
 // (barycentric) of an edge or two nearest t within 4 ulp, are counted; beyond them each primitive's error
 // bound follows from the coordinates' size, its own size and how edge-on the ray sees it, and those are
 // counted, too.
-#include "pipeline/exact/trace_exact.h"
+#include "pipeline/trace/trace_exact.h"
 
 #include <gtest/gtest.h>
 
@@ -42,7 +42,7 @@ std::optional<Bounded> meet(const Scan& scan, std::size_t i, const Ray& ray) {
   };
   if (scan.is_cloud()) {
     const oracle::Point centre = point(scan.positions[i]);
-    b.meeting = oracle::meet_disc(centre, point(scan.normals[i]), scan.radii[i], o, d);
+    b.meeting = oracle::intersect_disc(centre, point(scan.normals[i]), scan.radii[i], o, d);
     extend(centre);
     size = scan.radii[i];
     reach += size;
@@ -52,7 +52,7 @@ std::optional<Bounded> meet(const Scan& scan, std::size_t i, const Ray& ray) {
       p[k] = point(scan.positions[scan.triangles[i][k]]);
       extend(p[k]);
     }
-    b.meeting = oracle::meet_triangle(p[0], p[1], p[2], o, d);
+    b.meeting = oracle::intersect_triangle(p[0], p[1], p[2], o, d);
     const oracle::Point n = oracle::cross(oracle::sub(p[1], p[0]), oracle::sub(p[2], p[0]));
     for (std::size_t k = 0; k < 3; ++k) {
       const oracle::Point e = oracle::sub(p[(k + 1) % 3], p[k]);

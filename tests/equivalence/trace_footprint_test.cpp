@@ -1,6 +1,6 @@
 // Rays that choose their level: each sees what its level alone shows, the level is the one its width asks
 // for, and none slips through where the level changes.
-#include "pipeline/rbvh/trace_footprint.h"
+#include "pipeline/trace/trace_footprint.h"
 
 #include <gtest/gtest.h>
 
@@ -51,7 +51,7 @@ TEST(Footprint, EachRaySeesItsLevelAndNoneSlipsThrough) {
   trace_camera(tracer, rays, hits, &steps);
   const std::vector<Hit> found = hits.read();
   std::vector<std::vector<Hit>> alone;
-  for (const RbvhTracer& level : tracer.levels) {
+  for (const TileTracer& level : tracer.levels) {
     trace_camera(level, rays, hits);
     alone.push_back(hits.read());
   }
@@ -92,7 +92,7 @@ TEST(Footprint, RaysWithoutAWidthSeeTheFinest) {
     rays.push_back({{0.08f * static_cast<float>(i), 0.3f, 5}, 0, {0.1f, 0, -2}, 100});
   const Buffer<Ray> buffer(strip.device, rays);
   const Buffer<Hit> hits(strip.device, rays.size());
-  trace_rays(make_rbvh_tracer(strip.device, strip.rbvh.levels[0]), buffer, hits, rays.size(),
+  trace_rays(make_tile_tracer(strip.device, strip.rbvh.levels[0]), buffer, hits, rays.size(),
              RayQuery::kNearest);
   const std::vector<Hit> finest = hits.read();
   const float wide = 2.0f;

@@ -1,6 +1,6 @@
 // A scene of scans, a pair's level and proxies, placed and mirrored, against all of it as one mesh in the
 // world.
-#include "pipeline/scene/trace_scene.h"
+#include "pipeline/trace/trace_scene.h"
 
 #include <gtest/gtest.h>
 

@@ -44,7 +44,7 @@ std::string refusal(const std::string& bytes) {
   try {
     decode_npy(bytes, "r.npy", kRays);
   } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::kInput);
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
     const std::string what = error.what();
     EXPECT_EQ(what.find('\n'), std::string::npos);
     EXPECT_EQ(what.find("r.npy: "), 0u);

@@ -30,7 +30,7 @@ class ProxyFile : public testing::Test {
     try {
       static_cast<void>(load_proxy(file));
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kInput) << error.what();
+      EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
       EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
       return error.what();
     }

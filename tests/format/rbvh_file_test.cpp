@@ -18,8 +18,8 @@
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/check_rbvh.h"
-#include "pipeline/rbvh/top_tree.h"
 #include "tests/format/pair_bytes.h"
 
 namespace rbvh {
@@ -43,7 +43,7 @@ class RbvhFileTest : public testing::Test {
     try {
       read_rbvh(path(name));
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kInput) << error.what();
+      EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
       EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
       return error.what();
     }
@@ -369,7 +369,7 @@ TEST_F(RbvhFileTest, WriterRefusesWhatItsReaderWould) {
     try {
       write_rbvh(path("a.rbvh"), rbvh, true);
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kFailure);
+      EXPECT_EQ(error.kind(), ErrorKind::kFailure);
       EXPECT_EQ(files(), 0u);
       return error.what();
     }
@@ -545,7 +545,7 @@ TEST_F(RbvhFileTest, SizeLimits) {
         write_rbvh(path("a.rbvh"), rbvh, false);
       } catch (const Error& error) {
         const std::string what = error.what();
-        _exit(error.code() == ExitCode::kFailure && what.find('\n') == std::string::npos ? 1 : 8);
+        _exit(error.kind() == ErrorKind::kFailure && what.find('\n') == std::string::npos ? 1 : 8);
       }
       _exit(0);
     }
@@ -558,22 +558,23 @@ TEST_F(RbvhFileTest, SizeLimits) {
 }
 
 TEST_F(RbvhFileTest, PairsNeedAFolder) {
-  const auto failure = [&](const std::function<void()>& body) -> std::pair<ExitCode, std::string> {
+  const auto failure =
+      [&](const std::function<void()>& body) -> std::pair<std::optional<ErrorKind>, std::string> {
     try {
       body();
     } catch (const Error& error) {
-      return {error.code(), error.what()};
+      return {error.kind(), error.what()};
     }
-    return {ExitCode::kOk, ""};
+    return {std::nullopt, ""};
   };
   const Rbvh rbvh = make_small_rbvh();
   expect_contains(failure([&] { write_rbvh("/dev/full", rbvh, true); }).second, "no regular file");
-  EXPECT_EQ(failure([&] { check_rbvh_output("/dev/full", true); }).first, ExitCode::kFailure);
+  EXPECT_EQ(failure([&] { check_rbvh_output("/dev/full", true); }).first, ErrorKind::kFailure);
   EXPECT_FALSE(fs::exists("/dev/full.atlas.tif"));
-  EXPECT_EQ(failure([&] { check_rbvh_output("-", true); }).first, ExitCode::kUsage);
-  EXPECT_EQ(failure([&] { check_rbvh_output(path("none/a.rbvh"), true); }).first, ExitCode::kFailure);
-  EXPECT_EQ(failure([&] { read_rbvh("-"); }).first, ExitCode::kInput);
-  EXPECT_EQ(failure([&] { read_rbvh(folder_.string()); }).first, ExitCode::kInput);
+  EXPECT_EQ(failure([&] { check_rbvh_output("-", true); }).first, ErrorKind::kUsage);
+  EXPECT_EQ(failure([&] { check_rbvh_output(path("none/a.rbvh"), true); }).first, ErrorKind::kFailure);
+  EXPECT_EQ(failure([&] { read_rbvh("-"); }).first, ErrorKind::kInput);
+  EXPECT_EQ(failure([&] { read_rbvh(folder_.string()); }).first, ErrorKind::kInput);
   EXPECT_EQ(files(), 0u);
 }
 

@@ -12,7 +12,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     rbvh::decode_atlas(std::as_bytes(std::span(data, size)), "fuzz.atlas.tif", rbvh);
     if (rbvh.levels[0].layers[0].texels.size() != 30) std::abort();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
   }
   return 0;
 }

@@ -9,7 +9,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (rbvh::decode_cameras({reinterpret_cast<const char*>(data), size}, "fuzz.json", {}).empty())
       std::abort();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
     if (std::string_view(error.what()).find('\n') != std::string_view::npos) std::abort();
   }
   return 0;

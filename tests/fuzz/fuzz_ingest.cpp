@@ -24,7 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const RawScan again = read_ply(bytes, "again");
     if (again.positions.size() != scan.positions.size() || again.triangles != scan.triangles) std::abort();
   } catch (const Error& error) {
-    if (error.code() != ExitCode::kInput) std::abort();
+    if (error.kind() != ErrorKind::kInput) std::abort();
   }
   return 0;
 }

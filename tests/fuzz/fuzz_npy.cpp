@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         rbvh::decode_npy({reinterpret_cast<const char*>(data), size}, "fuzz.npy", kColumns);
     if (table.values.size() != table.rows * table.columns || table.values.size() * 4 > size) std::abort();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
   }
   return 0;
 }

@@ -22,7 +22,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     ImportReport counts;
     if (find_fault(import_vdm(mesh, map, {.max_side = 9}, "fuzz.obj", counts))) std::abort();
   } catch (const Error& error) {
-    if (error.code() != ExitCode::kInput && error.code() != ExitCode::kBudget) std::abort();
+    if (error.kind() != ErrorKind::kInput && error.kind() != ErrorKind::kBudget) std::abort();
     if (std::string_view(error.what()).find('\n') != std::string_view::npos) std::abort();
   }
   return 0;

@@ -58,7 +58,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                                   : rbvh::decode_proxy(resealed(files, input), input, files.map, "fuzz.obj");
     if (rbvh::find_fault(proxy)) std::abort();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
   }
   return 0;
 }

@@ -4,7 +4,7 @@
 
 #include "io/rbvh_file.h"
 #include "pipeline/base/error.h"
-#include "pipeline/rbvh/wide_nodes.h"
+#include "pipeline/bvh/wide_nodes.h"
 #include "tests/format/pair_bytes.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -16,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const rbvh::Level& level : rbvh.levels)
       if (rbvh::flatten_wide(level.nodes, 8).words.size() % (7 * 8) != 0) std::abort();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
   }
   return 0;
 }

@@ -15,7 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           instance.to_world.determinant() == 0)
         std::abort();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
   }
   return 0;
 }

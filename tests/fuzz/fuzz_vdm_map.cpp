@@ -11,7 +11,7 @@ void check(Decode&& decode) {
   try {
     decode();
   } catch (const rbvh::Error& error) {
-    if (error.code() != rbvh::ExitCode::kInput) std::abort();
+    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
     if (std::string_view(error.what()).find('\n') != std::string_view::npos) std::abort();
   }
 }

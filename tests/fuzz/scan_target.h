@@ -38,7 +38,7 @@ int check_reader(Read read, const char* name, const std::uint8_t* data, std::siz
     const std::size_t vertices = scan.positions.size();
     if (!is_consistent(scan, vertices) || !is_bounded(scan, vertices, size)) std::abort();
   } catch (const Error& error) {
-    if (error.code() != ExitCode::kInput) std::abort();
+    if (error.kind() != ErrorKind::kInput) std::abort();
     if (std::string_view(error.what()).find('\n') != std::string_view::npos) std::abort();
   }
   return 0;

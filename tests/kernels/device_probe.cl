@@ -6,7 +6,9 @@ __kernel void probe_add(__global const uint* in, uint add, __global uint* out, u
   if (i < count) out[i] = in[i] + add + PROBE_INCLUDED;
 }
 
-__kernel void probe_alignment(__global const uchar* a, __global uint* out) { out[0] = (uint)((size_t)a & 63u); }
+__kernel void probe_alignment(__global const uchar* a, __global uint* out) {
+  out[0] = (uint)((size_t)a & 63u);
+}
 
 __kernel void probe_null(__global const uint* maybe, __global uint* out) { out[0] = maybe ? 1u : 2u; }
 

@@ -1,10 +1,10 @@
-// Reports the device's own idea of kernels/layout.h and its like: size and field offsets of every struct, in the order of
-// layout_fields.h (cmake/LayoutFields.cmake).
-#include "exact_layout.h"
-#include "layout.h"
-#include "linked_layout.h"
-#include "patch_layout.h"
-#include "scene_layout.h"
+// Reports the device's own idea of kernels/common/layout.h and its like: size and field offsets of every
+// struct, in the order of layout_fields.h (cmake/LayoutFields.cmake).
+#include "kernels/bvh/bvh_layout.h"
+#include "kernels/bvh/linked_layout.h"
+#include "kernels/common/layout.h"
+#include "kernels/common/patch_layout.h"
+#include "kernels/common/scene_layout.h"
 
 #define SIZE(type) out[n++] = (uint)sizeof(type);
 #define FIELD(type, field) out[n++] = (uint)(size_t)(&((__private type*)0)->field);

@@ -5,11 +5,11 @@
 #include <functional>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/bvh/lbvh.h"
+#include "pipeline/bvh/ploc.h"
+#include "pipeline/bvh/sah_binned_bvh.h"
+#include "pipeline/bvh/sah_bvh.h"
 #include "pipeline/device/device.h"
-#include "pipeline/exact/lbvh.h"
-#include "pipeline/exact/ploc.h"
-#include "pipeline/exact/sah_binned_bvh.h"
-#include "pipeline/exact/sah_bvh.h"
 #include "tests/property.h"
 
 namespace rbvh {

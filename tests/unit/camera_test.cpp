@@ -1,6 +1,7 @@
 #include "pipeline/render/camera.h"
 
 #include <gtest/gtest.h>
+#include <optional>
 
 #include "pipeline/base/error.h"
 
@@ -106,23 +107,23 @@ TEST(Camera, AzimuthComesBeforeElevation) {
 }
 
 TEST(Camera, DegenerateWordsAreRefused) {
-  const auto code = [](const CameraWords& words) {
+  const auto code = [](const CameraWords& words) -> std::optional<ErrorKind> {
     try {
       place_camera(words, kBox, kUpY, 1);
     } catch (const Error& error) {
-      return error.code();
+      return error.kind();
     }
-    return ExitCode::kOk;
+    return std::nullopt;
   };
-  EXPECT_EQ(code(placed({1, 2, 3}, {1, 2, 3}, kUpY)), ExitCode::kUsage);
-  EXPECT_EQ(code(placed({0, 9, 0}, {0, 0, 0}, kUpY)), ExitCode::kUsage);
-  EXPECT_EQ(code(placed({0, 0, 9}, {0, 0, 0}, {0, 0, 0})), ExitCode::kUsage);
+  EXPECT_EQ(code(placed({1, 2, 3}, {1, 2, 3}, kUpY)), ErrorKind::kUsage);
+  EXPECT_EQ(code(placed({0, 9, 0}, {0, 0, 0}, kUpY)), ErrorKind::kUsage);
+  EXPECT_EQ(code(placed({0, 0, 9}, {0, 0, 0}, {0, 0, 0})), ErrorKind::kUsage);
   for (const double angle : {0.0, -30.0, 180.0}) {
     CameraWords words;
     words.view_angle = angle;
-    EXPECT_EQ(code(words), ExitCode::kUsage) << angle;
+    EXPECT_EQ(code(words), ErrorKind::kUsage) << angle;
   }
-  EXPECT_EQ(code(placed({0, 0, 9}, {0, 0, 0}, kUpY)), ExitCode::kOk);
+  EXPECT_EQ(code(placed({0, 0, 9}, {0, 0, 0}, kUpY)), std::nullopt);
 }
 
 TEST(Camera, APointStillGetsACamera) {

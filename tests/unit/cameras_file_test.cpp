@@ -42,7 +42,7 @@ TEST(CamerasFile, FaultsAreOneLineWithTheirPlace) {
       decode_cameras(text, "c.json", {});
       ADD_FAILURE() << "taken: " << text.substr(0, 80);
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kInput);
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
       EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what() << " lacks " << part;
     }
   }

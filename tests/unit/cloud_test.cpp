@@ -260,10 +260,10 @@ TEST(SurfaceArea, OfACloudIsThatOfTheSurface) {
     complete_cloud(flat, {});
     EXPECT_NEAR(surface_area(flat) / static_cast<double>(box.extent().x * box.extent().y), 1, 0.06);
   }
-  Scan bare;
-  bare.positions = {{0, 0, 0}};
-  EXPECT_EQ(surface_area(bare), 0);
-  EXPECT_EQ(spacing_per_radius(bare), 1);
+  Scan uncovered;
+  uncovered.positions = {{0, 0, 0}};
+  EXPECT_EQ(surface_area(uncovered), 0);
+  EXPECT_EQ(spacing_per_radius(uncovered), 1);
 }
 
 }  // namespace

@@ -27,11 +27,11 @@ class DeviceTest : public testing::Test {
 
 /// The error's text, or nothing if there was none; the code must be as expected.
 template <class Call>
-std::string error_of(ExitCode code, Call&& call) {
+std::string error_of(ErrorKind code, Call&& call) {
   try {
     call();
   } catch (const Error& error) {
-    EXPECT_EQ(error.code(), code) << error.what();
+    EXPECT_EQ(error.kind(), code) << error.what();
     return error.what();
   }
   ADD_FAILURE() << "no error";
@@ -55,7 +55,7 @@ TEST_F(DeviceTest, ListsAndOpensEveryWay) {
 
 TEST_F(DeviceTest, EnvironmentIsTheDefaultChoice) {
   setenv("RBVH_DEVICE", "no-such-device", 1);
-  EXPECT_NE(error_of(ExitCode::kDevice, [] { Device::open(); }).find("no-such-device"), std::string::npos);
+  EXPECT_NE(error_of(ErrorKind::kDevice, [] { Device::open(); }).find("no-such-device"), std::string::npos);
   EXPECT_NO_THROW(Device::open("0"));  // a choice that is made goes before it
   setenv("RBVH_DEVICE", "0", 1);
   EXPECT_EQ(Device::open().info().index, 0);
@@ -63,7 +63,7 @@ TEST_F(DeviceTest, EnvironmentIsTheDefaultChoice) {
 
 TEST_F(DeviceTest, NoSuchDevice) {
   for (const char* choice : {"99", "-1", "0x", "no-such-device"}) {
-    const std::string what = error_of(ExitCode::kDevice, [&] { Device::open(choice); });
+    const std::string what = error_of(ErrorKind::kDevice, [&] { Device::open(choice); });
     EXPECT_EQ(what.find("no usable OpenCL device"), 0u) << what;
     EXPECT_EQ(what.find('\n'), std::string::npos);
   }
@@ -144,7 +144,7 @@ TEST_F(DeviceTest, ABuildErrorNamesFileLineAndDevice) {
   std::string whole_log;
   set_build_log_sink([&](std::string_view, std::string_view log) { whole_log = log; });
   const std::string what =
-      error_of(ExitCode::kDevice, [&] { device.kernel("device_broken", "broken", "-DSOME_WORD=1"); });
+      error_of(ErrorKind::kDevice, [&] { device.kernel("device_broken", "broken", "-DSOME_WORD=1"); });
   set_build_log_sink({});
   for (const char* word : {"device_broken.cl", "clBuildProgram", "CL_BUILD_PROGRAM_FAILURE",
                            "broken_include.h:2", "no_such_name", "-DSOME_WORD=1"}) {
@@ -157,10 +157,10 @@ TEST_F(DeviceTest, ABuildErrorNamesFileLineAndDevice) {
 
 TEST_F(DeviceTest, MissingFilesAndEntriesAreNamed) {
   const Device device = Device::open();
-  EXPECT_NE(error_of(ExitCode::kDevice, [&] { device.kernel("no_such_file", "x"); }).find("no_such_file.cl"),
+  EXPECT_NE(error_of(ErrorKind::kDevice, [&] { device.kernel("no_such_file", "x"); }).find("no_such_file.cl"),
             std::string::npos);
   const std::string what =
-      error_of(ExitCode::kDevice, [&] { device.kernel("device_probe", "no_such_entry"); });
+      error_of(ErrorKind::kDevice, [&] { device.kernel("device_probe", "no_such_entry"); });
   EXPECT_NE(what.find("no_such_entry"), std::string::npos) << what;
   EXPECT_NE(what.find("CL_INVALID_KERNEL_NAME"), std::string::npos) << what;
 }
@@ -169,13 +169,14 @@ TEST_F(DeviceTest, WrongArgumentsAreAnErrorNotACrash) {
   const Device device = Device::open();
   const Buffer<std::uint32_t> out(device, 1);
   const Kernel kernel = device.kernel("device_probe", "probe_add");
-  EXPECT_NE(error_of(ExitCode::kDevice, [&] { kernel.run(1, 1, out); }).find("probe_add"), std::string::npos);
-  error_of(ExitCode::kDevice, [&] { kernel.run(1, 1, out, std::uint8_t{1}, out, 1u); });
+  EXPECT_NE(error_of(ErrorKind::kDevice, [&] { kernel.run(1, 1, out); }).find("probe_add"),
+            std::string::npos);
+  error_of(ErrorKind::kDevice, [&] { kernel.run(1, 1, out, std::uint8_t{1}, out, 1u); });
 }
 
 TEST_F(DeviceTest, TooMuchMemoryIsOverBudget) {
   const Device device = Device::open();
-  error_of(ExitCode::kBudget, [&] {
+  error_of(ErrorKind::kBudget, [&] {
     Buffer<unsigned char>(device, static_cast<std::size_t>(device.info().max_buffer_bytes) + 1);
   });
   const std::uint64_t before = device.memory_use().bytes;
@@ -183,7 +184,7 @@ TEST_F(DeviceTest, TooMuchMemoryIsOverBudget) {
     const Buffer<unsigned char> a(device, 1000);
     EXPECT_EQ(device.memory_use().bytes, before + 1000);
     device.set_memory_limit(before + 1500);
-    EXPECT_NE(error_of(ExitCode::kBudget, [&] { Buffer<unsigned char>(device, 501); }).find("budget"),
+    EXPECT_NE(error_of(ErrorKind::kBudget, [&] { Buffer<unsigned char>(device, 501); }).find("budget"),
               std::string::npos);
     EXPECT_NO_THROW(Buffer<unsigned char>(device, 500));
     device.set_memory_limit(0);

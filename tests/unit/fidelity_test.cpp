@@ -1,4 +1,4 @@
-#include "pipeline/rbvh/fidelity.h"
+#include "pipeline/measure/fidelity.h"
 
 #include <gtest/gtest.h>
 

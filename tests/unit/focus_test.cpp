@@ -3,11 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/check_rbvh.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
-#include "pipeline/rbvh/trace_rbvh.h"
+#include "pipeline/trace/trace_tile.h"
 #include "tests/shapes.h"
 
 namespace rbvh {
@@ -88,7 +88,7 @@ TEST(Focus, BuildsFollowIt) {
     const Vec3f d{r * std::cos(phi), r * std::sin(phi), z};
     rays.push_back({{3 * d.x, 3 * d.y, 3 * d.z}, 0, {-d.x, -d.y, -d.z}, 10});
   }
-  const RbvhTracer tracer = make_rbvh_tracer(device, level);
+  const TileTracer tracer = make_tile_tracer(device, level);
   const Buffer<Hit> hits(device, rays.size());
   trace_rays(tracer, Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest);
   int missed = 0;

@@ -1,4 +1,4 @@
-#include "pipeline/render/image_error.h"
+#include "pipeline/measure/image_error.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // A kd-tree is whole: a box is in every leaf in whose cell it has a point, and nothing depends on threads.
-#include "pipeline/exact/kd_tree.h"
+#include "pipeline/bvh/kd_tree.h"
 
 #include <gtest/gtest.h>
 

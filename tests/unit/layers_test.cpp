@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "pipeline/base/error.h"
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "tests/property.h"
@@ -306,7 +306,7 @@ TEST(Layers, RefuseWhatIsNoProperty) {
       add_property_layers(levels, scan, {name}, 1);
       ADD_FAILURE() << name;
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kUsage);
+      EXPECT_EQ(error.kind(), ErrorKind::kUsage);
     }
   }
 }

@@ -1,6 +1,6 @@
-// Host and device agree on kernels/layout.h and its like byte for byte, as the device's compiler itself
-// reports it.
-#include "kernels/layout.h"
+// Host and device agree on kernels/common/layout.h and its like byte for byte, as the device's compiler
+// itself reports it.
+#include "kernels/common/layout.h"
 
 #include <gtest/gtest.h>
 
@@ -11,10 +11,10 @@
 #include <iterator>
 #include <string>
 
-#include "kernels/exact_layout.h"
-#include "kernels/linked_layout.h"
-#include "kernels/patch_layout.h"
-#include "kernels/scene_layout.h"
+#include "kernels/bvh/bvh_layout.h"
+#include "kernels/bvh/linked_layout.h"
+#include "kernels/common/patch_layout.h"
+#include "kernels/common/scene_layout.h"
 #include "pipeline/device/device.h"
 
 namespace rbvh {
@@ -45,8 +45,8 @@ TEST(Layout, TheListOfStructsIsWhole) {
   const auto structs = std::count_if(std::begin(kEntries), std::end(kEntries),
                                      [](const Entry& e) { return e.name.find('.') == std::string::npos; });
   std::size_t declared = 0;
-  for (const char* name :
-       {"layout.h", "exact_layout.h", "linked_layout.h", "patch_layout.h", "scene_layout.h"}) {
+  for (const char* name : {"common/layout.h", "bvh/bvh_layout.h", "bvh/linked_layout.h",
+                           "common/patch_layout.h", "common/scene_layout.h"}) {
     std::ifstream file(std::string(RBVH_SOURCE "/kernels/") + name);
     const std::string text(std::istreambuf_iterator<char>(file), {});
     for (std::size_t at = 0; (at = text.find("\ntypedef struct ", at)) != std::string::npos; ++at) ++declared;

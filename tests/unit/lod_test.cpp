@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/check_rbvh.h"
-#include "pipeline/rbvh/surface_distance.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "tests/shapes.h"
 

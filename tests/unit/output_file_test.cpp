@@ -45,7 +45,7 @@ class OutputFileTest : public testing::Test {
     try {
       body();
     } catch (const Error& error) {
-      EXPECT_EQ(error.code(), ExitCode::kFailure);
+      EXPECT_EQ(error.kind(), ErrorKind::kFailure);
       EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
       return error.what();
     }

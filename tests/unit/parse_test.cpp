@@ -14,7 +14,7 @@ bool is_refused(const std::function<void()>& work) {
   try {
     work();
   } catch (const Error& error) {
-    return error.code() == ExitCode::kUsage;
+    return error.kind() == ErrorKind::kUsage;
   }
   return false;
 }

@@ -95,17 +95,17 @@ TEST(Partition, PartsWhatTouchesARim) {
   for (const PartitionWhere where : {PartitionWhere::kDevice, PartitionWhere::kHost}) {
     const Primitives primitives = upload_primitives(Device::open(), plate);
     Partition partition = make_root(primitives, false, SplitRule::kSpatialMedian, where);
-    EXPECT_EQ(partition.nodes[0].sums.rims, 72);
-    split_once(partition, primitives, {{0, SplitBy::kRim}});
+    EXPECT_EQ(partition.nodes[0].sums.boundary, 72);
+    split_once(partition, primitives, {{0, SplitBy::kBoundary}});
     check(partition, primitives);
     ASSERT_EQ(partition.nodes.size(), 3u);
     EXPECT_EQ(partition.nodes[1].count(), 72u);
-    EXPECT_EQ(partition.nodes[1].sums.rims, 72);
-    EXPECT_EQ(partition.nodes[2].sums.rims, 0);
+    EXPECT_EQ(partition.nodes[1].sums.boundary, 72);
+    EXPECT_EQ(partition.nodes[2].sums.boundary, 0);
     EXPECT_EQ(
         make_root(upload_primitives(Device::open(), octahedron), false, SplitRule::kSpatialMedian, where)
             .nodes[0]
-            .sums.rims,
+            .sums.boundary,
         0);
   }
 }

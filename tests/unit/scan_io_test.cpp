@@ -55,7 +55,7 @@ std::string read_error(const std::string& path) {
   try {
     read_scan(path);
   } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::kInput);
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
     return error.what();
   }
   ADD_FAILURE() << path;

@@ -25,7 +25,7 @@ void expect_refused(const std::string& text, const std::string& part) {
     decode(text);
     ADD_FAILURE() << "taken: " << text;
   } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::kInput) << text;
+    EXPECT_EQ(error.kind(), ErrorKind::kInput) << text;
     const std::string what = error.what();
     EXPECT_NE(what.find(part), std::string::npos) << text << "\n" << what;
     EXPECT_EQ(what.find('\n'), std::string::npos) << what;

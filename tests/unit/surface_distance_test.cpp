@@ -1,4 +1,4 @@
-#include "pipeline/rbvh/surface_distance.h"
+#include "pipeline/measure/surface_distance.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "pipeline/rbvh/top_tree.h"
+#include "pipeline/bvh/top_tree.h"
 
 #include <gtest/gtest.h>
 
 #include <bit>
 #include <limits>
 
-#include "pipeline/rbvh/wide_nodes.h"
+#include "pipeline/bvh/wide_nodes.h"
 #include "tests/property.h"
 
 namespace rbvh {

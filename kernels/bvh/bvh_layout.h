@@ -1,0 +1,104 @@
+// What the exact traversals walk, each drawn in its own kernel file; host and kernel share it byte for byte
+// like layout.h.
+#ifndef RBVH_EXACT_LAYOUT_H
+#define RBVH_EXACT_LAYOUT_H
+
+#include "kernels/common/layout.h"
+
+#ifndef __OPENCL_VERSION__
+namespace rbvh {
+#endif
+
+#define WIDE_NODE_WIDTH 16
+#define PRIMITIVE_BLOCK_WIDTH 8
+#define BVH_LEAF_BIT 0x80000000u  // a child with it is a leaf, without it a node
+
+// --- wide16
+// ---------------------------------------------------------------------------------------------------------
+// Boxes of up to 16 children, one row a plane: lo x y z, hi x y z. An unused slot is a box far away without
+// extent, and its child is block 0, in which nothing can be hit: an inverted box would pass a slab test whose
+// rows are swapped.
+typedef struct WideNode {
+  float planes[6][WIDE_NODE_WIDTH];
+  rbvh_u32 children[WIDE_NODE_WIDTH];
+} WideNode;
+RBVH_LAYOUT_SIZE(WideNode, 448);
+
+// Up to 8 triangles (vertices a, b, c: nine rows) or discs (centre, unit normal, radius: seven rows), and
+// their indices in the scan. Unused lanes are NaN. Block 0 has unused lanes only.
+typedef struct PrimitiveBlock {
+  float rows[9][PRIMITIVE_BLOCK_WIDTH];
+  rbvh_u32 ids[PRIMITIVE_BLOCK_WIDTH];
+} PrimitiveBlock;
+RBVH_LAYOUT_SIZE(PrimitiveBlock, 320);
+
+// --- bvh-stack, bvh-trail, bvh-parent
+// ------------------------------------------------------------------------------- A triangle that is met
+// alone. In a BVH a leaf's triangles lie one behind the other, the last one marked.
+typedef struct BvhTriangle {
+  float a[3];
+  rbvh_u32 id;  // in the scan
+  float b[3];
+  rbvh_u32 is_last;
+  float c[3];
+  rbvh_u32 unused;
+} BvhTriangle;
+RBVH_LAYOUT_SIZE(BvhTriangle, 48);
+
+// The boxes of two children, one row a plane: lo x y z, hi x y z.
+typedef struct NodePair {
+  float planes[6][2];
+  rbvh_u32 children[2];
+  rbvh_u32 unused[2];
+} NodePair;
+RBVH_LAYOUT_SIZE(NodePair, 64);
+
+#define PARENT_INDEX_MASK 0x1fffffffu
+#define PARENT_AXIS_SHIFT 29
+
+// A node with its own box and links down and up, each with an axis. Siblings differ in the lowest bit.
+typedef struct ParentNode {
+  float lo[3];
+  rbvh_u32 down;
+  float hi[3];
+  rbvh_u32 up;
+} ParentNode;
+RBVH_LAYOUT_SIZE(ParentNode, 32);
+
+// --- kd-stack, kd-pushdown, kd-backtrack
+// ----------------------------------------------------------------------------
+#define KD_LEAF 3u  // for an axis
+
+// Inner: a plane, and two children one behind the other. Leaf: references.
+typedef struct KdCutNode {
+  float position;  // leaf: the number of references, as bits
+  rbvh_u32 link;   // axis (bits 0, 1); first child or first reference
+} KdCutNode;
+RBVH_LAYOUT_SIZE(KdCutNode, 8);
+
+// The same with the cell's box and the way up.
+typedef struct KdCellNode {
+  float lo[3];
+  rbvh_u32 link;
+  float hi[3];
+  rbvh_u32 parent;
+  float position;
+  rbvh_u32 unused;
+} KdCellNode;
+RBVH_LAYOUT_SIZE(KdCellNode, 40);
+
+// --- all
+// ------------------------------------------------------------------------------------------------------------
+// What all rays need: the bounds of everything, and where to start.
+typedef struct BvhRoot {
+  float lo[3];
+  rbvh_u32 root;  // a node, or a leaf with BVH_LEAF_BIT
+  float hi[3];
+  rbvh_u32 unused;
+} BvhRoot;
+RBVH_LAYOUT_SIZE(BvhRoot, 32);
+
+#ifndef __OPENCL_VERSION__
+}  // namespace rbvh
+#endif
+#endif

@@ -1,0 +1,77 @@
+// A 16-wide node met by one ray, and the stack of what is still to be visited.
+#ifndef RBVH_WIDE16_NODE_H
+#define RBVH_WIDE16_NODE_H
+#include "kernels/bvh/ray_query.h"
+#include "kernels/common/lanes.h"
+
+// Children met between tmin and `limit`, as bits; where in `entry`.
+static inline uint intersect_children(__global const WideNode* node, const Query* q, float limit,
+                                      float16* entry) {
+#define PLANES(row, i, offset) \
+  mad(vload16(0, node->planes[q->row[i]]), (float16)(q->inverse[i]), (float16)(q->offset[i]))
+  const float16 enter = max(max(PLANES(near_row, 0, near_offset), PLANES(near_row, 1, near_offset)),
+                            max(PLANES(near_row, 2, near_offset), (float16)(q->tmin)));
+  const float16 leave = min(min(PLANES(far_row, 0, far_offset), PLANES(far_row, 1, far_offset)),
+                            min(PLANES(far_row, 2, far_offset), (float16)(limit)));
+#undef PLANES
+  *entry = enter;
+  return lane_bits16(enter <= leave);
+}
+
+// Takes the nearest of the children in `mask` (not 0), puts the others on the stack, farthest first. Lane i's
+// child is children[i] or, without `children`, base + i.
+static inline uint take_children(__global const uint* children, uint base, uint mask, float16 entry,
+                                 uint* stack, float* stack_t, uint* depth_inout) {
+#define CHILD(lane) (children ? children[lane] : base + (lane))
+  uint lane = lowest_bit(mask);
+  mask &= mask - 1;
+  uint next = CHILD(lane);
+  if (mask == 0) return next;
+  float t[16];
+  vstore16(entry, 0, t);
+  float next_t = t[lane];
+  uint depth = *depth_inout;
+  const uint bottom = depth;
+  for (; mask != 0; mask &= mask - 1) {
+    lane = lowest_bit(mask);
+    uint far = CHILD(lane);
+    float far_t = t[lane];
+    if (far_t < next_t) {
+      const uint swap = next;
+      const float swap_t = next_t;
+      next = far;
+      next_t = far_t;
+      far = swap;
+      far_t = swap_t;
+    }
+    uint at = depth++;
+    for (; at > bottom && stack_t[at - 1] < far_t; --at) {
+      stack[at] = stack[at - 1];
+      stack_t[at] = stack_t[at - 1];
+    }
+    stack[at] = far;
+    stack_t[at] = far_t;
+  }
+#undef CHILD
+  *depth_inout = depth;
+  return next;
+}
+
+// The nearest of the node's children that the ray meets up to `limit`, 0 for none; the others go on the
+// stack.
+static inline uint open_node(__global const WideNode* node, const Query* q, float limit, uint* stack,
+                             float* stack_t, uint* depth) {
+  float16 entry;
+  const uint mask = intersect_children(node, q, limit, &entry);
+  return mask == 0 ? 0 : take_children(node->children, 0, mask, entry, stack, stack_t, depth);
+}
+
+// Nearest on the stack, if it begins by `limit`; else 0, which is the root and never on it.
+static inline uint pop_nearer(const uint* stack, const float* stack_t, uint* depth, float limit) {
+  while (*depth != 0) {
+    --*depth;
+    if (stack_t[*depth] <= limit) return stack[*depth];
+  }
+  return 0;
+}
+#endif

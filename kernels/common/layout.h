@@ -1,0 +1,272 @@
+// Structs that host and kernels share byte for byte. Compiled as C++20 and as OpenCL C 1.2: explicit widths,
+// no float3, no bool, no size_t. tests/unit/layout_test.cpp compares the device's own sizeof and offsets.
+#ifndef RBVH_LAYOUT_H
+#define RBVH_LAYOUT_H
+
+#ifdef __OPENCL_VERSION__
+typedef uint rbvh_u32;
+typedef int rbvh_i32;
+typedef ushort rbvh_u16;
+#define RBVH_LAYOUT_SIZE(type, bytes)
+#else
+#include <cstddef>
+#include <cstdint>
+namespace rbvh {
+typedef std::uint32_t rbvh_u32;
+typedef std::int32_t rbvh_i32;
+typedef std::uint16_t rbvh_u16;
+#define RBVH_LAYOUT_SIZE(type, bytes) static_assert(sizeof(type) == bytes)
+#endif
+
+// A ray for the single-ray kernels. t is in units of |direction|. A miss leaves Hit.t at +infinity.
+typedef struct Ray {
+  float origin[3];
+  float tmin;
+  float direction[3];
+  float tmax;
+} Ray;
+RBVH_LAYOUT_SIZE(Ray, 32);
+
+#define RBVH_HIT_BACK_FACE 1u      // the ray came from behind the surface
+#define RBVH_HIT_TRIANGLE_LEAF 2u  // an exact primitive was hit, not a tile
+#define RBVH_NO_LEAF 0xffffffffu
+
+// What a ray found. u, v: in [0,1] across the tile, barycentric in the triangle, or disc coordinates in
+// [-1,1], of an exact scan.
+typedef struct Hit {
+  float t;          // +infinity: nothing
+  float normal[3];  // geometric, unit, unflipped
+  float u, v;
+  rbvh_u32
+      leaf;  // index of the leaf (tile), or of the triangle or disc for an exact scan; RBVH_NO_LEAF: nothing
+  rbvh_u32 flags;  // RBVH_HIT_*
+} Hit;
+RBVH_LAYOUT_SIZE(Hit, 32);
+
+// A pinhole camera. Pixel (x, y), column 0 at the left and row 0 on top, looks along
+//   normalize(corner + right * (x + offset_x) + up * (y + offset_y)),
+// where corner points from the position to the top left corner of an image plane at distance 1, right is one
+// pixel to the right and up one pixel down. Directions are unit, so t is the distance in scan units. A band
+// of rows is the same camera with offset_y grown by its first row and its own height.
+typedef struct CameraRays {
+  float position[3];
+  float offset_x;  // where in the pixel, 0.5: its centre
+  float corner[3];
+  float offset_y;
+  float right[3];
+  rbvh_u32 width;
+  float up[3];  // points down the image: the direction of growing y
+  rbvh_u32 height;
+} CameraRays;
+RBVH_LAYOUT_SIZE(CameraRays, 64);
+
+// A node of the stored binary hierarchy over tiles. Inner: count == 0, children at first and first + 1.
+// Leaf: count == 1, and first is the leaf's index. Node 0 is the root.
+typedef struct RbvhNode {
+  float lo[3];
+  rbvh_u32 first;
+  float hi[3];
+  rbvh_u32 count;
+} RbvhNode;
+RBVH_LAYOUT_SIZE(RbvhNode, 32);
+
+// A tile: a height field over a rectangle of texels. The affine map takes a point p to tile space:
+//   (u, v) in texels from the tile's first texel centre, w in height quanta,
+//   row i: to_tile[4i] p.x + to_tile[4i+1] p.y + to_tile[4i+2] p.z + to_tile[4i+3].
+// The rows are orthogonal; w grows along the surface's outside. Stored heights 1..65535 are w; 0: no surface
+// there.
+typedef struct RbvhLeaf {
+  float to_tile[12];
+  rbvh_u16 x, y;           // first texel in the level's atlas
+  rbvh_u16 width, height;  // texels, each at least 2
+  rbvh_u32 primitives;     // rasterised into it
+  rbvh_u32 object_id;
+} RbvhLeaf;
+RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
+
+// A leaf whose tile would not show its surface well keeps its primitives: RbvhLeaf.primitives of them, from
+// `first` on. They are what rays hit; its tile still carries the other layers.
+typedef struct RbvhExactLeaf {
+  rbvh_u32 leaf;
+  rbvh_u32 first;
+} RbvhExactLeaf;
+RBVH_LAYOUT_SIZE(RbvhExactLeaf, 8);
+
+// A triangle's corners; or a disc's centre, radius, unit normal and two zeros.
+typedef struct RbvhPrimitive {
+  float shape[9];
+} RbvhPrimitive;
+RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
+
+#define RBVH_CHUNK 8  // primitives that are tested at once
+
+// Primitives of a leaf for tracing, side by side; where there are fewer, NaN.
+typedef struct RbvhChunk {
+  float shape[9][RBVH_CHUNK];  // RbvhPrimitive.shape
+} RbvhChunk;
+RBVH_LAYOUT_SIZE(RbvhChunk, 288);
+
+#define RBVH_NO_CHUNK 0xffffffffu
+
+// A tile for tracing; of a leaf that keeps primitives one for each chunk of them.
+typedef struct RbvhTile {
+  float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
+  rbvh_u32 offset;    // its first texel in the heights; they lie row by row
+  rbvh_u16 width, height;
+  float step_limit;    // in height quanta
+  float top;           // the largest height
+  float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
+  rbvh_u32 leaf;       // whose tile it is
+  rbvh_u32 chunk;      // of primitives that stand for the heights; RBVH_NO_CHUNK: none
+} RbvhTile;
+RBVH_LAYOUT_SIZE(RbvhTile, 96);
+
+// --- points on the surface
+// ------------------------------------------------------------------------------------------ A leaf that a
+// point lies near, and where: u, v in texels of its tile. `distance` in scan units to the leaf's surface: of
+// a tile along its w, of a leaf that keeps primitives to the nearest of them. `covers` 0: the point lies
+// beside the tile's surface, and `distance` is none.
+typedef struct PointHit {
+  rbvh_u32 leaf;
+  float u, v;
+  float distance;
+  rbvh_u32 covers;
+} PointHit;
+RBVH_LAYOUT_SIZE(PointHit, 20);
+
+// --- building
+// ------------------------------------------------------------------------------------------------------- A
+// run of primitive references of one node or tile: what one work-item handles.
+typedef struct Run {
+  rbvh_u32 owner;  // node or tile
+  rbvh_u32 begin, end;
+} Run;
+RBVH_LAYOUT_SIZE(Run, 12);
+
+// Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
+// RBVH_SPLIT_FACING: those whose normal's cosine with `direction` is at least `position`; RBVH_SPLIT_COUNT:
+// the first half of them; RBVH_SPLIT_OBJECT: those of the object `middle`; RBVH_SPLIT_BOUNDARY: those that
+// touch the surface's rim.
+#define RBVH_SPLIT_PLANE 0u
+#define RBVH_SPLIT_FACING 1u
+#define RBVH_SPLIT_COUNT 2u
+#define RBVH_SPLIT_OBJECT 3u
+#define RBVH_SPLIT_BOUNDARY 4u
+typedef struct Split {
+  rbvh_u32 kind;
+  float direction[3];  // RBVH_SPLIT_PLANE: the unit vector of an axis
+  float position;
+  rbvh_u32
+      middle;  // RBVH_SPLIT_COUNT: the first reference of the right child; RBVH_SPLIT_OBJECT: an object's id
+} Split;
+RBVH_LAYOUT_SIZE(Split, 24);
+
+// The candidates for a node's split by surface area: along each axis RBVH_SAH_BINS - 1 planes at equal
+// distances, bin i of a primitive's box centre c being (c - lo) * scale.
+#define RBVH_SAH_BINS 33
+typedef struct SplitGrid {
+  float lo[3];
+  float scale[3];
+} SplitGrid;
+RBVH_LAYOUT_SIZE(SplitGrid, 24);
+
+// What lies between two of those planes.
+typedef struct SplitBin {
+  float lo[3];
+  float area;
+  float hi[3];
+  rbvh_u32 count;
+} SplitBin;
+RBVH_LAYOUT_SIZE(SplitBin, 32);
+
+// The objects of some primitives: the first two ids met, and 1, 2 or, for more, 3.
+typedef struct ObjectSet {
+  rbvh_u32 ids[2];
+  rbvh_u32 count;
+} ObjectSet;
+RBVH_LAYOUT_SIZE(ObjectSet, 12);
+
+// A node of the partition, as the search for a tile's guests reads it: references [begin, end).
+typedef struct PartitionBox {
+  float lo[3];
+  rbvh_i32 left;  // its children are left and left + 1; -1: none
+  float hi[3];
+  rbvh_u32 begin;
+  rbvh_u32 end;
+} PartitionBox;
+RBVH_LAYOUT_SIZE(PartitionBox, 36);
+
+// What touches the box and is not among the references [begin, end) is a guest.
+typedef struct OverlapQuery {
+  float lo[3];
+  rbvh_u32 begin;
+  float hi[3];
+  rbvh_u32 end;
+} OverlapQuery;
+RBVH_LAYOUT_SIZE(OverlapQuery, 32);
+
+// Sums over some primitives; `count` of them.
+typedef struct PrimitiveSums {
+  float lo[3];
+  rbvh_u32 count;
+  float hi[3];
+  float area;
+  float area_normal[3];  // sum of area times unit normal; its length is the projected area
+  float boundary;        // how many touch the surface's rim
+} PrimitiveSums;
+RBVH_LAYOUT_SIZE(PrimitiveSums, 48);
+
+#define RBVH_FRAME_ANGLES 16
+
+// A tile's plane while its rectangle is sought: `u` is turned about `w` by RBVH_FRAME_ANGLES angles in [0,
+// 90) degrees.
+typedef struct TileAxes {
+  float origin[4];
+  float u[4], v[4], w[4];
+} TileAxes;
+RBVH_LAYOUT_SIZE(TileAxes, 64);
+
+// Extents of some primitives in a TileAxes, at each angle and along w.
+typedef struct TileExtents {
+  float u_lo[RBVH_FRAME_ANGLES], u_hi[RBVH_FRAME_ANGLES];
+  float v_lo[RBVH_FRAME_ANGLES], v_hi[RBVH_FRAME_ANGLES];
+  float w_lo, w_hi;
+  float unused[14];
+} TileExtents;
+RBVH_LAYOUT_SIZE(TileExtents, 320);
+
+// What stands steeper on a tile than this cosine of its normal and the tile's is not shown well by it.
+#define RBVH_STEEP_COSINE 0.25f
+
+// A tile being rasterised. Tile space: u, v in texels from the first texel centre; w in fine quanta,
+// 0..RBVH_FINE_MAX.
+#define RBVH_FINE_MAX 16777215.0f
+typedef struct RasterTile {
+  float to_tile[12];
+  rbvh_u32 offset;         // of its first texel in the raster buffers
+  rbvh_u32 width, height;  // texels
+  float texel_w;           // a texel's side in fine quanta: heights and widths in one unit
+} RasterTile;
+RBVH_LAYOUT_SIZE(RasterTile, 64);
+
+// Why a tile is better split.
+typedef struct TileFaults {
+  rbvh_u32 layered;  // texels that two layers share
+  rbvh_u32 steps;    // pairs of neighbouring texels too far apart in height to be one surface
+  rbvh_u32 backs;    // texels' centres covered by what faces away
+  rbvh_u32 steep;    // area of what stands too steep to be shown, in sixteenths of a texel
+  rbvh_u32 misses;   // corners of triangles too far from the heights around them
+} TileFaults;
+RBVH_LAYOUT_SIZE(TileFaults, 20);
+
+// A finished tile's heights.
+typedef struct TileRange {
+  rbvh_u32 lo, hi;  // fine quanta, over covered texels
+  rbvh_u32 used;    // covered texels
+} TileRange;
+RBVH_LAYOUT_SIZE(TileRange, 12);
+
+#ifndef __OPENCL_VERSION__
+}  // namespace rbvh
+#endif
+#endif

@@ -1,0 +1,69 @@
+// Exact ray casting of a scan's triangles or discs on the device: the picture everything else is compared
+// with. Any builder's tree, flattened for any traversal that fits it; all find the same hits.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "kernels/bvh/bvh_layout.h"
+#include "kernels/common/layout.h"
+#include "pipeline/bvh/exact_methods.h"
+#include "pipeline/device/device.h"
+#include "pipeline/scan/scan.h"
+#include "pipeline/trace/trace_tile.h"
+
+namespace rbvh {
+
+struct ExactConfig {
+  ExactTraversal traversal = ExactTraversal::kWide16;
+  ExactBuilder builder = ExactBuilder::kSahBinned;  ///< of the kind of tree that the traversal walks
+};
+
+/// A scan in the traversal's own layout. Cheap to copy.
+struct ExactTracer {
+  Device device;
+  std::string kernel, options;  ///< file, and -D words
+  BvhRoot scene{};
+  Buffer<std::uint32_t> nodes, primitives;  ///< the kernel's own structs
+  Buffer<std::uint32_t> references;         ///< kd-trees only
+  /// Cameras of at least so many pixels have their rays cast 16 at a time; 0: none.
+  std::size_t packet_pixels = 0;
+  std::size_t node_bytes() const { return nodes.size() * sizeof(std::uint32_t); }
+  std::size_t primitive_bytes() const {
+    return (primitives.size() + references.size()) * sizeof(std::uint32_t);
+  }
+  std::size_t bytes() const { return node_bytes() + primitive_bytes(); }
+};
+
+/// Seconds by phase, and how good the tree is.
+struct ExactTimings {
+  double hierarchy = 0, flatten = 0, upload = 0;
+  double sah_cost = 0;  ///< what a ray is expected to pay, by the costs the tree was built with
+};
+
+/// A cloud needs normals and radii, and a traversal that takes discs (Error(kUsage)). Primitives that are not
+/// finite, triangles without area, discs without a normal or radius are never hit. Throws Error(kBudget) when
+/// the device cannot hold it.
+ExactTracer make_exact_tracer(const Device& device, const Scan& scan, const ExactConfig& config = {},
+                              ExactTimings* timings = nullptr);
+
+/// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]. Hit.leaf is the triangle's or
+/// point's index in the scan; of several at the same t the lowest. A triangle's u and v weigh its second and
+/// third vertex. `steps`, where given, gets the nodes and primitives (wide16: blocks of them) visited per
+/// ray.
+void trace_rays(const ExactTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
+
+/// Primary rays of a camera: hits row by row. In packets `steps` are what the ray's packet visited.
+void trace_camera(const ExactTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
+                  const Buffer<std::uint32_t>* steps = nullptr);
+
+/// What `count` rays visit on average.
+struct ExactVisits {
+  double nodes = 0, primitives = 0;  ///< wide16: blocks of primitives
+};
+ExactVisits mean_visits(const ExactTracer& tracer, const Buffer<Ray>& rays, std::size_t count,
+                        RayQuery query);
+
+}  // namespace rbvh
