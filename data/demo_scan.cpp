@@ -178,7 +178,7 @@ int main(int argc, char** argv) {
     return static_cast<int>(rbvh::ErrorKind::kUsage);
   } catch (const rbvh::Error& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return 1;
+    return error.kind() == rbvh::ErrorKind::kUsage ? 2 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
     return static_cast<int>(rbvh::ErrorKind::kFailure);
