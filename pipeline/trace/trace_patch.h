@@ -69,8 +69,8 @@ struct PatchTracer final : Tracer {
 
   using Tracer::Tracer;
   /// Hit.u and v are s and t in the patch; leaf is the patch. `steps` counts nodes and micro-quads. A patch
-  /// that the cache cannot hold is intersected unbuilt, which takes long; Error(kBudget) where the cache is too
-  /// small even for the smallest.
+  /// that the cache cannot hold is intersected unbuilt, which takes long; Error(kBudget) where the cache is
+  /// too small even for the smallest.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   /// At that camera's detail.
@@ -100,8 +100,7 @@ std::vector<PatchLevel> levels_in_use(const PatchTracer& tracer, std::uint32_t p
 
 /// Rays of an image, `row` pixels wide, row by row (0: any rays). Speed alone depends on it.
 void intersect_rows(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                    std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
-                    std::uint32_t row);
+                    std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps, std::uint32_t row);
 /// The same, starting from hits of other objects and their steps.
 void intersect_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,

@@ -300,8 +300,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits) const {
 std::uint64_t SceneTracer::memory() const {
   std::uint64_t total = state->nodes.size_bytes() + state->placements.size_bytes();
   for (const std::unique_ptr<Tracer>& tracer : state->tracers) total += tracer->memory();
-  if (state->proxies)
-    total += state->proxies->memory();
+  if (state->proxies) total += state->proxies->memory();
   return total;
 }
 
