@@ -89,7 +89,7 @@ void report_proxies(Context& context, const Tracer& of) {
   if (tracer == nullptr) return;
   const ProxyStats& s = stats(*tracer);
   const ProxyBytes b = bytes(*tracer);
-  context.report["proxies"] = {{"pairs", s.pairs},
+  context.report["proxies"] = {{"pairs", s.items},
                                {"patches_built", s.built},
                                {"micro_quads_built", s.built_leaves},
                                {"patches_evicted", s.evicted},

@@ -7,7 +7,7 @@
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/flatten_wide16.h"
-#include "pipeline/device/radix_sort.h"
+#include "pipeline/trace/ray_queue.h"
 
 namespace rbvh {
 
@@ -26,21 +26,18 @@ struct SceneTracerState {
   Buffer<WideNode> nodes;
   Buffer<ScenePlacement> placements;
 
-  // Scratch, for as many rays as the largest batch so far.
-  std::size_t progress_rays = 0, batch_rays = 0;
-  Buffer<RayProgress> progress;
-  Buffer<std::uint32_t> active[2], pair_keys, pair_rays, pair_instances, pair_places, pair_ranges, pair_steps,
-      placed_steps, count;
+  // Rays of a round, and those of one tracer in its object's space.
+  RayQueue queue;
   Buffer<Ray> camera_rays, placed_rays;
-  Buffer<Hit> placed_hits, pair_hits;
+  Buffer<Hit> placed_hits;
+  Buffer<std::uint32_t> placed_steps;
 };
 
 namespace {
 
 constexpr std::size_t kGroup = 64;
-constexpr std::size_t kBatch = std::size_t{1} << 18;  // rays whose pairs are in memory at once
-constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
-constexpr std::uint32_t kMostOfRay = 16;  // pairs a ray and round
+constexpr std::size_t kBatch = std::size_t{1} << 18;  // rays whose work items are in memory at once
+constexpr std::uint32_t kMostOfRay = 16;              // work items a ray and round
 
 ScenePlacement place(const Bounds3f& box, const SceneInstance& instance, std::uint32_t first_leaf,
                      std::uint32_t tracer) {
@@ -59,8 +56,8 @@ ScenePlacement place(const Bounds3f& box, const SceneInstance& instance, std::ui
   return placement;
 }
 
-/// What of the object rays can hit: a cloud's discs and a level's tiles reach past what bounds() says.
-Bounds3f reach(const SceneObject& object) {
+/// The box of what rays can hit: a cloud's discs and a level's tiles reach past the object's bounds.
+Bounds3f traced_bounds(const SceneObject& object) {
   Bounds3f box = object.bounds;
   if (const Level* level = object.level()) {
     if (!level->nodes.empty())
@@ -77,89 +74,53 @@ Bounds3f reach(const SceneObject& object) {
   return box;
 }
 
-void grow_scratch(const Device& device, SceneTracerState& state, std::size_t rays) {
-  if (rays > state.progress_rays) {
-    state.progress_rays = rays;
-    state.progress = {device, rays};
-  }
-  const std::size_t batch = std::min(rays, kBatch), pairs = std::max(batch, kLeastPairs);
-  if (batch <= state.batch_rays) return;
-  state.batch_rays = batch;
-  for (Buffer<std::uint32_t>& list : state.active) list = {device, batch};
-  for (Buffer<std::uint32_t>* list : {&state.pair_keys, &state.pair_rays, &state.pair_instances,
-                                      &state.pair_places, &state.pair_steps, &state.placed_steps})
-    *list = {device, pairs};
-  state.pair_ranges = {device, 2 * batch};
-  state.count = {device, 1};
-  state.placed_rays = {device, pairs};
-  state.placed_hits = {device, pairs};
-  state.pair_hits = {device, pairs};
+void reserve(const Device& device, SceneTracerState& state, std::size_t rays) {
+  if (!reserve_queue(device, state.queue, rays, kBatch)) return;
+  const std::size_t items = state.queue.items.size();
+  state.placed_rays = {device, items};
+  state.placed_hits = {device, items};
+  state.placed_steps = {device, items};
 }
 
-std::uint32_t read_count(const Buffer<std::uint32_t>& count) {
-  std::uint32_t value = 0;
-  count.read(std::span(&value, 1));
-  return value;
-}
-
-/// Sorted pairs [begin, end) of one tracer.
-void trace_pairs(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+/// Sorted work items [begin, end) of one tracer.
+void trace_items(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                  std::uint32_t number, std::uint32_t begin, std::uint32_t end, RayQuery query,
                  bool has_steps) {
   const SceneTracerState& state = *tracer.state;
+  const RayQueue& queue = state.queue;
   const std::uint32_t count = end - begin;
   tracer.device.kernel("trace/trace_scene", "place_rays", state.options)
-      .run(count, kGroup, state.pair_places, begin, count, state.pair_rays, state.pair_instances,
-           state.placements, rays, hits, state.placed_rays);
+      .run(count, kGroup, queue.places, begin, count, queue.items, state.placements, rays, hits,
+           state.placed_rays);
   state.tracers[number]->intersect(state.placed_rays, state.placed_hits, count, query,
                                    has_steps ? &state.placed_steps : nullptr);
-  tracer.device.kernel("trace/trace_scene", "take_placed_hits", state.options)
-      .run(count, kGroup, state.pair_places, begin, count, state.pair_rays, state.pair_instances,
-           state.placements, rays, state.placed_hits, state.placed_steps, state.pair_hits,
-           has_steps ? state.pair_steps : Buffer<std::uint32_t>());
+  tracer.device.kernel("trace/trace_scene", "collect_hits", state.options)
+      .run(count, kGroup, queue.places, begin, count, queue.items, state.placements, rays, state.placed_hits,
+           state.placed_steps, queue.item_hits, has_steps ? queue.item_steps : Buffer<std::uint32_t>());
 }
 
-/// Rays [first, first + count) and all instances that are no proxies.
+/// Rays of the range and all instances that are no proxies.
 void trace_placed(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                  std::uint32_t first, std::uint32_t count, RayQuery query,
-                  const Buffer<std::uint32_t>& steps) {
+                  const RayRange& range, RayQuery query, const Buffer<std::uint32_t>& steps) {
   SceneTracerState& state = *tracer.state;
   const Device& device = tracer.device;
-  const bool has_steps = steps.size() > 0;
-  device.kernel("trace/trace_scene", "start_placing", state.options)
-      .run(count, kGroup, hits, state.progress, state.active[0], first, count, steps);
-  unsigned key_bits = 0;
-  while (state.tracers.size() > std::size_t{1} << key_bits) ++key_bits;
-  std::uint32_t active = count;
+  RayQueue& queue = state.queue;
+  std::uint32_t active = range.count;
   for (int round = 0; active > 0; ++round) {
-    const Buffer<std::uint32_t>&list = state.active[round % 2], &next = state.active[(round + 1) % 2];
-    // Many rays hit what they meet first; those that do not soon want all.
-    const auto room = static_cast<std::uint32_t>(std::max<std::size_t>(1, state.pair_keys.size() / active));
-    const std::uint32_t most = std::min({kMostOfRay, 1u << std::min(2 * round, 8), room});
-    state.count.fill(0);
-    device.kernel("trace/trace_scene", "intersect_instances", state.options)
-        .run(active, kGroup, state.nodes, state.top, state.placements, rays, list, active, most, hits,
-             state.progress, state.pair_keys, state.pair_rays, state.pair_instances, state.pair_places,
-             state.pair_ranges, state.count, steps);
-    const std::uint32_t pairs = read_count(state.count);
-    if (pairs == 0) return;
-    if (key_bits == 0) {
-      trace_pairs(tracer, rays, hits, 0, 0, pairs, query, has_steps);
-    } else {
-      radix_sort(device, state.pair_keys, state.pair_places, pairs, key_bits);
-      std::vector<std::uint32_t> keys(pairs);
-      state.pair_keys.read(keys);
-      for (std::uint32_t begin = 0, end = 0; begin < pairs; begin = end) {
-        end = static_cast<std::uint32_t>(std::upper_bound(keys.begin() + begin, keys.end(), keys[begin]) -
-                                         keys.begin());
-        trace_pairs(tracer, rays, hits, keys[begin], begin, end, query, has_steps);
-      }
+    const SceneSearch search = {state.top, range, active, items_per_ray(queue, round, active, kMostOfRay)};
+    device.kernel("trace/trace_scene", "search_instances", state.options)
+        .run(active, kGroup, search, state.nodes, state.placements, rays, active_rays(queue, round),
+             queue.keys, queue.places, queue.items, queue.listed, round_counts(queue, round), queue.progress,
+             hits, steps);
+    const RoundCounts counts = read_counts(queue, round);
+    if (counts.items == 0) return;
+    sort_items(device, queue, counts.items, bits_for(state.tracers.size()));
+    for (std::uint32_t begin = 0, end = 0; begin < counts.items; begin = end) {
+      const std::uint32_t number = queue.host_keys[begin];
+      end = end_of_run(queue.host_keys, begin);
+      trace_items(tracer, rays, hits, number, begin, end, query, steps.size() > 0);
     }
-    state.count.fill(0);
-    device.kernel("trace/trace_scene", "take_nearest", state.options)
-        .run(active, kGroup, list, active, query == RayQuery::kAny ? 1u : 0u, state.pair_ranges,
-             state.pair_hits, state.pair_steps, state.progress, hits, next, state.count, steps);
-    active = read_count(state.count);
+    active = take_nearest(device, queue, round, counts.listed, query == RayQuery::kAny, {}, hits, steps);
   }
 }
 
@@ -169,11 +130,12 @@ void trace_with_levels(const SceneTracer& tracer, const Buffer<Ray>& rays, const
   SceneTracerState& state = *tracer.state;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
   if (state.placed > 0) {
-    grow_scratch(tracer.device, state, count);
-    for (std::size_t first = 0; first < count; first += kBatch)
-      trace_placed(tracer, rays, hits, static_cast<std::uint32_t>(first),
-                   static_cast<std::uint32_t>(std::min(kBatch, count - first)), query,
-                   steps != nullptr ? *steps : Buffer<std::uint32_t>());
+    reserve(tracer.device, state, count);
+    for (std::size_t first = 0; first < count; first += kBatch) {
+      const RayRange range = {static_cast<std::uint32_t>(first),
+                              static_cast<std::uint32_t>(std::min(kBatch, count - first)), 1, 0, 0};
+      trace_placed(tracer, rays, hits, range, query, steps != nullptr ? *steps : Buffer<std::uint32_t>());
+    }
   }
   if (state.proxies) {
     state.placed > 0 ? intersect_further(*state.proxies, rays, hits, count, query, steps, row)
@@ -195,7 +157,7 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
   std::vector<const Proxy*> proxies;
   std::vector<Bounds3f> boxes;
   for (const SceneObject& object : scene.objects) {
-    boxes.push_back(reach(object));
+    boxes.push_back(traced_bounds(object));
     if (const Proxy* proxy = object.proxy()) {
       number.push_back(static_cast<std::uint32_t>(proxies.size()));
       proxies.push_back(proxy);
@@ -249,8 +211,7 @@ void SceneTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   Buffer<Ray>& rays = state->camera_rays;
   if (rays.size() < pixels) rays = {device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
-  device.kernel("trace/trace_scene", "write_camera_rays", state->options)
-      .run(squares * 64, kGroup, camera, rays);
+  device.kernel("trace/camera_rays", "write_camera_rays").run(squares * 64, kGroup, camera, rays);
   trace_with_levels(*this, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 

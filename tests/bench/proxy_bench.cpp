@@ -273,7 +273,7 @@ void print_rows(const std::vector<Row>& rows) {
     const ProxyStats& s = r.kept_phases;
     std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %llu | %llu | %llu | %llu | %.1f | %.1f |\n",
                 r.rays.c_str(), s.top * 1e3, s.sort * 1e3, s.build * 1e3, s.cast * 1e3,
-                static_cast<unsigned long long>(s.rounds), static_cast<unsigned long long>(s.pairs),
+                static_cast<unsigned long long>(s.rounds), static_cast<unsigned long long>(s.items),
                 static_cast<unsigned long long>(s.built), static_cast<unsigned long long>(s.evicted),
                 r.visits, r.twin_visits);
   }
