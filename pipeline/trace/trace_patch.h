@@ -95,7 +95,7 @@ void trace_camera(const PatchTracer& tracer, const CameraRays& camera, const Buf
 
 ProxyStats& stats(const PatchTracer& tracer);
 ProxyBytes bytes(const PatchTracer& tracer);
-/// Forgets all hierarchies.
+/// Drops all hierarchies.
 void clear_cache(const PatchTracer& tracer);
 
 }  // namespace rbvh

@@ -1,5 +1,5 @@
-// Ray casting a scene on the device: each instance's rays in its own space by the tracer of its kind, all
-// proxies together (their top hierarchy is over the instances). The nearest hit of all is kept.
+// Ray casting a scene on the device: each instance's rays are cast in its own space by the tracer of its
+// object, and all proxies together, as their top hierarchy is over instances. A ray keeps its nearest hit.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ namespace rbvh {
 struct SceneConfig {
   ExactConfig exact;
   ProxyConfig proxy;
-  double pixels = 1;  ///< of a camera, that a proxy's micro-quad measures
+  double pixels = 1;  ///< a proxy's micro-quad measures in a camera's picture
 };
 
 struct SceneTracerState;
@@ -32,8 +32,8 @@ struct SceneTracer {
 /// Throws as the tracers of its objects do.
 SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const SceneConfig& config = {});
 
-/// As the other tracers' are. Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies
-/// are at their finest.
+/// Nearest (or any) hits of `count` rays. Hit.leaf numbers the leaves of all instances consecutively
+/// (first_leaves()); proxies are at their finest.
 void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                 std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
 
@@ -41,7 +41,7 @@ void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer
 void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
                   const Buffer<std::uint32_t>* steps = nullptr);
 
-/// What is shown of the surface at each hit, by each object's own normals and colours.
+/// Shading normals and colours at each hit, from each object's own.
 SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits);
 
 /// How the scene's proxies were traced; nullptr without any.
