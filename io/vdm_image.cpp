@@ -197,7 +197,7 @@ std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path
 
 namespace {
 
-// What the file's first bytes say.
+// The format by the file's first bytes.
 const char* format_of(std::string_view bytes) {
   using namespace std::string_view_literals;
   if (bytes.starts_with("\x76\x2f\x31\x01"sv)) return "openexr";

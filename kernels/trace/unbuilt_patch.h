@@ -11,7 +11,7 @@ static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, ui
   __global const Patch* p = tree->patch;
   const int level = (int)tree->level, n = 1 << level, shift = (int)p->level - level;
   const int16 lanes = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  int16 vi = min((int)i + lanes, n), vj = (int)j;
+  int16 vi = min((int)i + lanes, (int16)(n)), vj = (int)j;
   if (tree->edges != tree->level * 0x01010101u) {
 #define SNAP(x, k)                                                 \
   ((x + ((1 << (level - (int)edge_level(tree->edges, k))) >> 1)) & \

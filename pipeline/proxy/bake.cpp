@@ -1,4 +1,4 @@
-// Decimate, pair triangles to quads, walk each texel back through the decimation to its point on the scan.
+// Decimate, pair triangles to quads, trace each texel back through the decimation to its point on the scan.
 #include "pipeline/proxy/bake.h"
 
 #include <algorithm>

@@ -156,10 +156,10 @@ std::uint32_t side_of(const UvQuads& mesh, std::size_t quad, const VdmMap& map, 
   return std::min(std::bit_ceil(static_cast<std::uint32_t>(steps)) + 1, max_side);
 }
 
-// --- where patches meet
+// --- shared edges of patches
 // -------------------------------------------------------------------------------------------
 
-// All patches at a vertex get the mean of what they have there; join_edges() wants that.
+// All patches at a vertex get the mean of their displacements there, as join_edges() requires.
 void weld_corners(Proxy& proxy) {
   std::vector<Vec3d> sum(proxy.positions.size());
   std::vector<std::uint32_t> count(proxy.positions.size(), 0);

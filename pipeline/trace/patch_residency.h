@@ -41,7 +41,7 @@ bool set_levels(PatchResidency& residency, const PatchScene& scene, std::span<co
 /// The levels whose micro-quads measure about `pixels` pixels of the camera in each patch's nearest point.
 std::vector<std::uint32_t> levels_for(const PatchScene& scene, const CameraRays& camera, double pixels);
 
-/// Forgets all hierarchies.
+/// Drops all hierarchies.
 void clear(PatchResidency& residency);
 
 void upload_slots(PatchResidency& residency);

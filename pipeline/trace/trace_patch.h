@@ -98,7 +98,7 @@ void intersect_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const
 
 ProxyStats& stats(const PatchTracer& tracer);
 ProxyBytes bytes(const PatchTracer& tracer);
-/// Forgets all hierarchies.
+/// Drops all hierarchies.
 void clear_cache(const PatchTracer& tracer);
 
 }  // namespace rbvh

@@ -1,5 +1,5 @@
-// Ray casting a scene on the device: each instance's rays in its own space by the tracer of its kind, all
-// proxies together (their top hierarchy is over the instances). The nearest hit of all is kept.
+// Ray casting a scene on the device: each instance's rays are cast in its own space by the tracer of its
+// object, and all proxies together, as their top hierarchy is over instances. A ray keeps its nearest hit.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ namespace rbvh {
 struct SceneConfig {
   ExactConfig exact;
   ProxyConfig proxy;
-  double pixels = 1;  ///< of a camera, that a proxy's micro-quad measures
+  double pixels = 1;  ///< a proxy's micro-quad measures in a camera's picture
 };
 
 struct SceneTracerState;

@@ -49,7 +49,7 @@ class TracePatch : public TraceTest {
  protected:
   Device device = Device::open();
 
-  /// The same t to the last bit, the same patch unless two meet there, the same normal and side.
+  /// The same t to the last bit, the same patch unless two are equally near, the same normal and side.
   void expect_same(const Reference& reference, const std::vector<Ray>& rays, const std::vector<Hit>& hits,
                    double most_on_borders = 0.02) {
     const std::vector<Hit> exact = cast(reference.tracer, rays);
@@ -227,9 +227,9 @@ TEST_F(TracePatch, NothingDependsOnHowItIsTraced) {
   check(device.as_gpu(), {}, "a GPU's code");
 }
 
-// Neighbours that stay together are cast 16 at a time; so are those that nearly do, or hit nothing, or end
+// Coherent neighbours are cast 16 at a time, and so are those that are nearly coherent, hit nothing, or end
 // early.
-TEST_F(TracePatch, RaysThatStayTogetherFindWhatEachFindsAlone) {
+TEST_F(TracePatch, CoherentRaysFindWhatEachFindsAlone) {
   const std::vector<std::uint32_t> mixed = random_levels(random, quad_sphere(3).quads.size(), 6);
   for (const std::vector<std::uint32_t>& levels : {std::vector<std::uint32_t>{5}, {4}, mixed}) {
     const Proxy proxy = mushroom_ball(3, levels);
@@ -388,7 +388,7 @@ TEST_F(TracePatch, ACacheThatHoldsNoPatchIsRefusedOrDoneWithout) {
   }
 }
 
-TEST_F(TracePatch, FewRaysMeetPatchesUnbuilt) {
+TEST_F(TracePatch, FewRaysIntersectPatchesUnbuilt) {
   const Proxy proxy = mushroom_ball(3, {5});
   const PatchTracer tracer = make_patch_tracer(device, proxy);
   const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
