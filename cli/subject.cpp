@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "cli/exit_code.h"
+#include "cli/remedies.h"
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
@@ -334,7 +335,7 @@ void for_each_file(Context& context, const std::vector<std::string>& paths,
       work(path);
     } catch (const Error& error) {
       if (paths.size() == 1 || error.kind() == ErrorKind::kUsage || error.kind() == ErrorKind::kDevice) throw;
-      print_error(context, error.what());
+      print_error(context, error_line(error));
       if (failed++ == 0) first = error.kind();
     }
   }

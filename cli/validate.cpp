@@ -8,6 +8,7 @@
 
 #include "cli/common.h"
 #include "cli/measure.h"
+#include "cli/remedies.h"
 #include "cli/stages.h"
 #include "cli/subject.h"
 #include "io/proxy_file.h"
@@ -242,7 +243,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
     json = check_file(context, options.file, subject, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.kind() == ErrorKind::kInput)
-      print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
+      print({{"file", options.file}, {"valid", false}, {"fault", error_line(error)}});
     throw;
   }
   if (!options.as_json) print_data(file_text(json));
