@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cli/exit_code.h"
+#include "cli/remedies.h"
 #include "io/proxy_file.h"
 #include "io/scene_file.h"
 
@@ -53,7 +54,7 @@ void for_each_file(Context& context, const std::vector<std::string>& paths,
       work(path);
     } catch (const Error& error) {
       if (paths.size() == 1 || error.kind() == ErrorKind::kUsage || error.kind() == ErrorKind::kDevice) throw;
-      print_error(context, error.what());
+      print_error(context, error_line(error));
       if (failed++ == 0) first = error.kind();
     }
   }

@@ -215,7 +215,7 @@ void run_build(Context& context, const BuildOptions& options) {
     try {
       return work();
     } catch (const Error& error) {
-      throw Error(error.kind(), input_name(options.file), error.what());
+      throw Error(error.kind(), input_name(options.file), error.what(), error.remedy());
     }
   };
   Rbvh rbvh =

@@ -70,7 +70,7 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
     try {
       merge_scan(all, std::move(scan));
     } catch (const Error& error) {
-      throw Error(error.kind(), inputs[i], error.what());
+      throw Error(error.kind(), inputs[i], error.what(), error.remedy());
     }
     check_memory(context, all, inputs[i]);
   }

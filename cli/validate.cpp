@@ -8,6 +8,7 @@
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
+#include "cli/remedies.h"
 #include "cli/stages.h"
 #include "cli/views_options.h"
 #include "io/image.h"
@@ -212,7 +213,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
     json = check_file(context, options.file, asset, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.kind() == ErrorKind::kInput)
-      print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
+      print({{"file", options.file}, {"valid", false}, {"fault", error_line(error)}});
     throw;
   }
   if (!options.as_json) print_data(file_text(json));

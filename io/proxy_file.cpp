@@ -174,13 +174,12 @@ Json parse_json(std::string_view text, const std::string& path) {
 }
 
 void read_conventions(const Sidecar& in) {
-  // Other conventions are read by `rbvh proxy --vdm`, which writes this one.
+  // Other conventions are read by import_vdm(), whose proxies have this one.
   const Json& json = in.json;
   if (in.text(in.at(json, "space"), "space") != "object" || in.text(in.at(json, "order"), "order") != "xyz" ||
       in.real(in.at(json, "scale"), "scale") != 1 || in.real(in.at(json, "midlevel"), "midlevel") != 0)
     throw Error(ErrorKind::kInput, in.path,
-                "has another space, order, scale or midlevel than object, xyz, 1, 0; convert the asset by "
-                "rbvh proxy --vdm");
+                "has another space, order, scale or midlevel than object, xyz, 1, 0", Remedy::kImportProxy);
 }
 
 ProxyHeader read_header(const Sidecar& in) {

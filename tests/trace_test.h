@@ -13,7 +13,7 @@
 
 namespace rbvh {
 
-/// Kernels build without a word.
+/// Kernels build with an empty log.
 class TraceTest : public testing::Test {
  protected:
   Random random{property_seed()};

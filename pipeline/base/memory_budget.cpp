@@ -24,9 +24,9 @@ void check_budget(const MemoryBudget& budget, std::uint64_t bytes, const std::st
   const bool is_given = budget.bytes > 0;
   const std::uint64_t most = is_given ? budget.bytes : machine_memory();
   if (bytes <= most) return;
-  throw Error(ErrorKind::kBudget, file,
-              what + " needs about " + format_bytes(bytes) + ", over the " + format_bytes(most) +
-                  (is_given ? " allowed; allow more or ask for less" : " of this machine; ask for less"));
+  const std::string needs = what + " needs about " + format_bytes(bytes) + ", over the " + format_bytes(most);
+  if (is_given) throw Error(ErrorKind::kBudget, file, needs + " allowed", Remedy::kMemoryBudget);
+  throw Error(ErrorKind::kBudget, file, needs + " of this machine; ask for less");
 }
 
 void check_read_budget(const MemoryBudget& budget, const std::string& path, std::uint64_t times) {

@@ -104,8 +104,8 @@ std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& 
       throw Error(ErrorKind::kBudget, file,
                   "cannot have fewer than " + std::to_string(pairs.size()) + " patches, as it has " +
                       std::to_string(counts.mesh.components) + " parts" +
-                      (config.max_error > 0 ? " and an error bound" : "") +
-                      "; allow more, or leave small parts out (--patches, --min-component)");
+                      (config.max_error > 0 ? " and an error bound" : ""),
+                  Remedy::kPatchCount);
     target -= excess;
   }
 }

@@ -37,7 +37,7 @@ Frame frame_of(Vec3d back, Vec3d view_up) {
   const Vec3d right = cross(view_up, back);
   if (!(far > 0)) refuse("the camera's position is its focal point; move one of them");
   if (!(length(right) > 1e-9 * far * length(view_up)))
-    refuse("the camera looks along its view up; give another --camera-view-up");
+    throw Error(ErrorKind::kUsage, "", "the camera looks along its view up", Remedy::kViewUp);
   Frame frame{normalized(back), normalized(right), {}};
   frame.up = cross(frame.back, frame.right);
   return frame;
