@@ -13,7 +13,7 @@
 #include "io/cameras_file.h"
 #include "io/image.h"
 #include "io/output_file.h"
-#include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/render/difference.h"
 #include "pipeline/render/shade.h"
 
@@ -232,7 +232,7 @@ class Renderer {
                       SurfaceSamples& surface) const {
     const Level* level = subject.rbvh() ? subject.rbvh()->find_level(name) : nullptr;
     const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
-    if (!layer || is_standard_layer(layer->name))
+    if (!layer || layer_kind(layer->name) != LayerKind::kUser)
       throw Error(ErrorKind::kUsage, subject.path,
                   "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
     surface.colors =

@@ -45,7 +45,8 @@ SplitGrid split_grid(const PartitionNode& node) {
   return grid;
 }
 
-/// The best plane of a node's bins (3 * kBins), or the spatial median where none has something on both sides.
+/// The cheapest plane of a node's bins (3 * kBins), or the spatial median where every one leaves a side
+/// empty.
 Split best_plane(const PartitionNode& node, const SplitBin* bins) {
   Split best = spatial_median(node);
   double least = std::numeric_limits<double>::infinity();
@@ -126,7 +127,7 @@ std::vector<Split> choose_splits(const Partition& partition, const Primitives& p
   if (partition.rule == SplitRule::kSurfaceArea) choose_planes(partition, primitives, nodes, splits);
   for (std::size_t k = 0; k < nodes.size(); ++k) {
     const ObjectSet& objects = partition.nodes[nodes[k]].objects;
-    if (objects.count != 2) continue;
+    if (split_kind(SplitBy::kRule, objects.count) != RBVH_SPLIT_OBJECT) continue;
     splits[k].kind = RBVH_SPLIT_OBJECT;
     splits[k].middle = std::min(objects.ids[0], objects.ids[1]);
   }

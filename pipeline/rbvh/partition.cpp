@@ -27,7 +27,7 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
   to.count += from.count;
 }
 
-/// The cone around the mean normal ([SAE93] approximated, as the paper has it) of nodes[first..].
+/// The cones around the mean normals of nodes[first..] ([SAE93], approximated as in the paper).
 void measure_cones(Partition& partition, const Primitives& primitives, std::size_t first) {
   const Device& device = primitives.device;
   std::vector<Run> runs;
@@ -51,7 +51,7 @@ void measure_cones(Partition& partition, const Primitives& primitives, std::size
   }
 }
 
-/// Which objects nodes[first..] have, where there are several.
+/// The objects of nodes[first..], where the scan has several.
 void find_objects(Partition& partition, const Primitives& primitives, std::size_t first) {
   if (!primitives.has_objects) return;
   const Device& device = primitives.device;
@@ -115,7 +115,6 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
   const Buffer<Run> device_runs(device, runs);
   const Buffer<std::uint8_t> sides(device, primitives.count);
 
-  // Where a split leaves one side empty the next kind is tried; a split by count always works.
   std::vector<PrimitiveSums> sums, children;
   const Kernel choose = device.kernel("build/partition", "partition_choose");
   const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
@@ -134,10 +133,9 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     for (std::size_t k = 0; k < active.size(); ++k) {
       if (children[2 * k].count != 0 && children[2 * k + 1].count != 0) continue;
       stuck = true;
-      if (splits[k].kind == RBVH_SPLIT_FACING)
-        splits[k] = spatial_median(nodes[active[k]]);
-      else
-        splits[k].kind = RBVH_SPLIT_COUNT;
+      const std::uint32_t kind = next_split_kind(splits[k].kind);
+      if (kind == RBVH_SPLIT_PLANE) splits[k] = spatial_median(nodes[active[k]]);
+      splits[k].kind = kind;
     }
   }
 
@@ -205,16 +203,15 @@ void split_once(Partition& partition, const Primitives& primitives,
   for (const SplitRequest& request : requests) active.push_back(request.node);
   std::vector<Split> splits = choose_splits(partition, primitives, active);
   for (std::size_t k = 0; k < requests.size(); ++k) {
-    const SplitBy by = requests[k].by;
-    if (by == SplitBy::kRule || (by != SplitBy::kFirst && splits[k].kind == RBVH_SPLIT_OBJECT)) continue;
-    const PartitionNode& node = partition.nodes[requests[k].node];
+    const SplitRequest& request = requests[k];
+    const PartitionNode& node = partition.nodes[request.node];
+    const std::uint32_t kind = split_kind(request.by, node.objects.count);
+    if (kind == RBVH_SPLIT_PLANE || kind == RBVH_SPLIT_OBJECT) continue;  // as choose_splits() has them
     splits[k] = spatial_median(node);
-    splits[k].kind = by == SplitBy::kFacing     ? RBVH_SPLIT_FACING
-                     : by == SplitBy::kBoundary ? RBVH_SPLIT_BOUNDARY
-                                                : RBVH_SPLIT_COUNT;
-    if (by == SplitBy::kFirst) splits[k].middle = node.begin + requests[k].first;
-    std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
-    splits[k].position = requests[k].cosine;
+    splits[k].kind = kind;
+    if (request.by == SplitBy::kFirst) splits[k].middle = node.begin + request.first;
+    std::copy_n(&request.facing.x, 3, splits[k].direction);
+    splits[k].position = request.cosine;
   }
   split_level(partition, primitives, active, std::move(splits));
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -10,6 +9,7 @@
 
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/bvh/flatten_wide16.h"
 #include "pipeline/device/radix_sort.h"
 #include "pipeline/trace/patch_cache.h"
@@ -66,16 +66,13 @@ class PhaseWatch {
   double lap() {
     if (!timed_) return 0;
     device_.finish();
-    const auto now = std::chrono::steady_clock::now();
-    const double seconds = std::chrono::duration<double>(now - last_).count();
-    last_ = now;
-    return seconds;
+    return watch_.lap();
   }
 
  private:
   const Device& device_;
   bool timed_;
-  std::chrono::steady_clock::time_point last_;
+  Stopwatch watch_;
 };
 
 }  // namespace
