@@ -54,10 +54,6 @@ struct Partition {
   std::shared_ptr<const HostPrimitives> host = {};  ///< with these the host splits, else the device
 };
 
-/// Divides [begin, end) into runs of at most `run_length` references.
-void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
-                 std::uint32_t run_length);
-
 /// With `cones`, this node and its descendants have their cone of normals: one more pass over the primitives.
 Partition make_root(const Primitives& primitives, bool cones, SplitRule rule = SplitRule::kSpatialMedian,
                     PartitionWhere where = PartitionWhere::kDevice);

@@ -19,9 +19,9 @@ std::vector<TileFaults> rasterize_own(TileRaster& raster, const Runs& own) {
   Buffer<std::uint32_t> lowest(device, raster.texel_count), highest(device, raster.texel_count);
   for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest}) buffer->fill(0);
   Buffer<TileFaults> faults(device, std::vector<TileFaults>(raster.tiles.size()));
-  raster.run_over(own, "build/rasterize", "rasterize_own", raster.device_tiles, raster.partition.references,
-                  raster.primitives.shape, raster.discs(), raster.dilation().own, raster.dilation().border,
-                  raster.keys, lowest, highest, faults);
+  run_over(raster.device(), own, "build/rasterize", "rasterize_own", raster.device_tiles,
+           raster.partition.references, raster.primitives.shape, raster.discs(), raster.dilation().own,
+           raster.dilation().border, raster.keys, lowest, highest, faults);
   count_faults(raster, own, lowest, highest, faults);
   return faults.read();
 }

@@ -31,7 +31,7 @@ Neighbors find_neighbors(const TileRaster& raster) {
   std::vector<Run> runs;
   for (std::uint32_t k = 0; k < raster.tiles.size(); ++k)
     append_runs(runs, k, firsts[k], firsts[k + 1], kTileRunLength);
-  neighbors.runs = {Buffer<Run>(raster.device(), runs), static_cast<std::uint32_t>(runs.size())};
+  neighbors.runs = upload_runs(raster.device(), std::move(runs));
   return neighbors;
 }
 
@@ -40,10 +40,10 @@ void merge_neighbors(const TileRaster& raster, const Neighbors& neighbors) {
   Buffer<std::uint32_t> overlap_keys(raster.device(), raster.texel_count);
   overlap_keys.fill(0);
   raster.run_over_tiles("build/tile_border", "tile_border_widen", raster.keys);
-  raster.run_over(neighbors.runs, "build/tile_border", "tile_border_overlaps", raster.device_tiles,
-                  neighbors.overlaps.primitives, raster.primitives.shape, raster.primitives.area_normal,
-                  raster.config.separates_boundary ? kBoundaryDistance : 2 * dilation, dilation,
-                  raster.config.limits.layer_gap, raster.keys, overlap_keys);
+  run_over(raster.device(), neighbors.runs, "build/tile_border", "tile_border_overlaps", raster.device_tiles,
+           neighbors.overlaps.primitives, raster.primitives.shape, raster.primitives.area_normal,
+           raster.config.separates_boundary ? kBoundaryDistance : 2 * dilation, dilation,
+           raster.config.limits.layer_gap, raster.keys, overlap_keys);
   raster.run_over_tiles("build/tile_border", "tile_border_merge", raster.keys, overlap_keys, dilation,
                         kFoldDilation, kEndDilation);
 }

@@ -16,9 +16,8 @@ void count_faults(const TileRaster& raster, const Runs& own, const Buffer<std::u
   raster.run_over_tiles("build/tile_faults", "tile_faults_steps", raster.keys, lowest, highest,
                         limits.layer_gap, limits.step_limit, faults);
   if (!raster.primitives.discs)
-    raster.run_over(own, "build/tile_faults", "tile_faults_misses", raster.device_tiles,
-                    raster.partition.references, raster.primitives.shape, limits.miss_limit, raster.keys,
-                    faults);
+    run_over(raster.device(), own, "build/tile_faults", "tile_faults_misses", raster.device_tiles,
+             raster.partition.references, raster.primitives.shape, limits.miss_limit, raster.keys, faults);
 }
 
 void find_uncovered(const TileRaster& raster, const Runs& own, std::vector<Tile>& finished) {
@@ -27,9 +26,9 @@ void find_uncovered(const TileRaster& raster, const Runs& own, std::vector<Tile>
   for (bool is_whole = false; !is_whole; room = list[0]) {
     Buffer<std::uint32_t> device_list(raster.device(), room + 1);
     device_list.fill(0);
-    raster.run_over(own, "build/tile_faults", "tile_faults_uncovered", raster.device_tiles,
-                    raster.partition.references, raster.primitives.shape, kUncoveredSlack, raster.keys, room,
-                    device_list);
+    run_over(raster.device(), own, "build/tile_faults", "tile_faults_uncovered", raster.device_tiles,
+             raster.partition.references, raster.primitives.shape, kUncoveredSlack, raster.keys, room,
+             device_list);
     list = device_list.read();
     is_whole = list[0] <= room;
   }

@@ -66,13 +66,13 @@ void add(TileExtents& to, const TileExtents& from) {
 
 std::vector<TileExtents> find_extents(const TileRaster& raster, const Runs& own,
                                       const std::vector<TileAxes>& axes) {
-  const Buffer<TileExtents> partial(raster.device(), own.count);
-  raster.run_over(own, "build/tile_frame", "tile_frame_extents", Buffer<TileAxes>(raster.device(), axes),
-                  raster.partition.references, raster.primitives.shape, raster.discs(), partial);
-  const std::vector<Run> runs = own.runs.read();
+  const Buffer<TileExtents> partial(raster.device(), own.count());
+  run_over(raster.device(), own, "build/tile_frame", "tile_frame_extents",
+           Buffer<TileAxes>(raster.device(), axes), raster.partition.references, raster.primitives.shape,
+           raster.discs(), partial);
   const std::vector<TileExtents> parts = partial.read();
   std::vector<TileExtents> extents(raster.nodes.size(), no_extents());
-  for (std::size_t r = 0; r < runs.size(); ++r) add(extents[runs[r].owner], parts[r]);
+  for (std::size_t r = 0; r < parts.size(); ++r) add(extents[own.list[r].owner], parts[r]);
   return extents;
 }
 

@@ -9,6 +9,7 @@
 #include "pipeline/rbvh/leaf_policy.h"
 #include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/primitives.h"
+#include "pipeline/rbvh/runs.h"
 
 namespace rbvh {
 
@@ -26,12 +27,6 @@ struct Dilation {
 inline constexpr Dilation kTriangleDilation{1.0f, 1.5f};
 /// The edges of a disc are noise, not the surface's, and must not leave holes.
 inline constexpr Dilation kDiscDilation{2.0f, 2.0f};
-
-/// Primitives by tile, in runs for a work item each.
-struct Runs {
-  Buffer<Run> runs;
-  std::uint32_t count = 0;
-};
 
 /// Texels keep their places in the buffers from first to last, also where tiles are dropped.
 struct TileRaster {
@@ -51,12 +46,7 @@ struct TileRaster {
 
   void upload_tiles() { device_tiles = Buffer<RasterTile>(device(), tiles); }
 
-  /// A kernel with a work item for each run, or each tile. Every such kernel begins with the runs or tiles
-  /// and their number.
-  template <class... Args>
-  void run_over(const Runs& of, std::string_view file, std::string_view entry, const Args&... args) const {
-    device().kernel(file, entry).run(of.count, job_group_size(device()), of.runs, of.count, args...);
-  }
+  /// A kernel with a work item for each tile, whose first arguments are the tiles and their number.
   template <class... Args>
   void run_over_tiles(std::string_view file, std::string_view entry, const Args&... args) const {
     device()

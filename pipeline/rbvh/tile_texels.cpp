@@ -67,10 +67,10 @@ void store_texels(const TileRaster& raster, const Runs& own, const Neighbors* ne
   normals.fill(0);
   colors.fill(0);
   const auto run_signals = [&](const Runs& runs, const Buffer<std::uint32_t>& references, float dilation) {
-    raster.run_over(runs, "build/tile_texels", "tile_texels_signals", raster.device_tiles, references,
-                    primitives.shape, raster.discs(), dilation, raster.dilation().border, raster.keys,
-                    primitives.order, primitives.indices, primitives.normals, primitives.colors,
-                    primitives.has_colors ? 1u : 0u, normals, colors);
+    run_over(device, runs, "build/tile_texels", "tile_texels_signals", raster.device_tiles, references,
+             primitives.shape, raster.discs(), dilation, raster.dilation().border, raster.keys,
+             primitives.order, primitives.indices, primitives.normals, primitives.colors,
+             primitives.has_colors ? 1u : 0u, normals, colors);
   };
   run_signals(own, raster.partition.references, raster.dilation().own);
   if (neighbors != nullptr)
