@@ -59,7 +59,7 @@ bool use_color(const Context& context) {
 constexpr int kMostThreads = 256;
 
 void begin_stage(Context& context) {
-  context.start = std::chrono::steady_clock::now();
+  context.watch = {};
   if (!context.log_path.empty()) open_log(context);
   if (!context.report_path.empty()) check_output(context.report_path, context.force);
   // More than the system can start would abort within PoCL.
@@ -81,8 +81,7 @@ void end_stage(Context& context) {
   if (g_log_failed)
     throw Error(ErrorKind::kFailure, context.log_path, "the log could not be written to its end");
   if (context.report_path.empty()) return;
-  const std::chrono::duration<double> total = std::chrono::steady_clock::now() - context.start;
-  context.report["timings"]["total"] = total.count();
+  context.report["timings"]["total"] = context.watch.lap();
   OutputFile file(context.report_path, context.force);
   file.write(context.report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   file.commit();
@@ -204,13 +203,6 @@ nlohmann::ordered_json device_json(const DeviceInfo& info) {
 
 double mrays_per_second(std::uint64_t rays, double seconds) {
   return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
-}
-
-double Stopwatch::lap() {
-  const auto now = std::chrono::steady_clock::now();
-  const std::chrono::duration<double> passed = now - last_;
-  last_ = now;
-  return passed.count();
 }
 
 }  // namespace rbvh

@@ -18,7 +18,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -30,6 +29,7 @@
 #include "cli/progress.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/memory_budget.h"
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/base/text.h"
 
 namespace rbvh {
@@ -53,7 +53,7 @@ struct Context {
 
   ProgressReporter progress;
   nlohmann::ordered_json report;  ///< for --report: a stage adds counts, timings, bytes
-  std::chrono::steady_clock::time_point start;
+  Stopwatch watch;                ///< since the stage began
 };
 
 struct StageText {
@@ -114,15 +114,6 @@ void print_error(Context& context, const std::string& line);
 
 /// A device as reports and `devices --json` have it.
 nlohmann::ordered_json device_json(const DeviceInfo& info);
-
-/// Seconds since it was made or since the last lap().
-class Stopwatch {
- public:
-  double lap();
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 /// Million rays per second, for reports; 0 where no time passed.
 double mrays_per_second(std::uint64_t rays, double seconds);

@@ -8,6 +8,8 @@
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
+#include "pipeline/rbvh/layer_painting.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
 
 namespace rbvh {
@@ -51,7 +53,7 @@ Layer& layer_of(Level& level, const PaintOptions& options, std::size_t channels)
                       " is there and has its resolution; --layer-scale is for new ones");
     return layer;
   }
-  if (is_standard_layer(options.layer))
+  if (layer_kind(options.layer) != LayerKind::kUser)
     throw Error(ErrorKind::kUsage, options.file,
                 "level " + level.name + " has no layer " + options.layer + " to paint on");
   level.layers.push_back(
@@ -64,7 +66,8 @@ void run_paint(Context& context, const PaintOptions& options) {
   if (from_scan == (!options.points.empty() || !options.values.empty()) ||
       options.points.empty() != options.values.empty())
     throw Error(ErrorKind::kUsage, "", "what is to be painted? --points with --values, or --scan");
-  if (options.layer == "height" || options.layer == "normal" || (from_scan && options.layer == "color"))
+  const LayerKind kind = layer_kind(options.layer);
+  if (kind != LayerKind::kUser && (from_scan || kind != LayerKind::kColor))
     throw Error(ErrorKind::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
   // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
   const std::string output = context.output.empty() ? options.file : context.output;

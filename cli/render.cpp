@@ -13,7 +13,7 @@
 #include "io/cameras_file.h"
 #include "io/image.h"
 #include "io/output_file.h"
-#include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/render/difference.h"
 #include "pipeline/render/render.h"
 
@@ -199,7 +199,7 @@ class Renderer {
                                                                        const std::string& name) const {
     const Level* level = asset.rbvh() ? asset.rbvh()->find_level(name) : nullptr;
     const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
-    if (!layer || is_standard_layer(layer->name))
+    if (!layer || layer_kind(layer->name) != LayerKind::kUser)
       throw Error(ErrorKind::kUsage, asset.path,
                   "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
     return [level, layer](std::span<const Hit> hits) {

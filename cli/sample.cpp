@@ -7,7 +7,7 @@
 #include "cli/stages.h"
 #include "io/output_file.h"
 #include "io/rbvh_file.h"
-#include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/layer_sampling.h"
 
 namespace rbvh {
 namespace {

@@ -1,7 +1,8 @@
 #include "pipeline/render/render.h"
 
-#include <chrono>
 #include <utility>
+
+#include "pipeline/base/stopwatch.h"
 
 namespace rbvh {
 namespace {
@@ -21,17 +22,12 @@ void add(Image& sum, const Image& image, float weight) {
   for (std::size_t i = 0; i < image.pixels.size(); ++i) sum.pixels[i] += image.pixels[i] * weight;
 }
 
-double lap(std::chrono::steady_clock::time_point& last) {
-  const auto now = std::chrono::steady_clock::now();
-  return std::chrono::duration<double>(now - std::exchange(last, now)).count();
-}
-
 }  // namespace
 
 Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& config, RenderTimings* timings) {
   RenderTimings unasked;
   RenderTimings& times = timings != nullptr ? *timings : unasked;
-  auto last = std::chrono::steady_clock::now();
+  Stopwatch watch;
   const bool is_shaded = config.aov == Aov::kShaded;
   const int samples = is_shaded ? (config.samples > 0 ? config.samples : kShadedSamples) : 1;
   Image picture;
@@ -40,7 +36,7 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
     const CameraRays rays = camera_rays(camera, config.width, config.height, x, y);
     std::vector<std::uint32_t> steps;
     const std::vector<Hit> hits = intersect(tracer, rays, config.aov == Aov::kSteps ? &steps : nullptr);
-    times.trace += lap(last);
+    times.trace += watch.lap();
     times.rays += hits.size();
     if (is_shaded) {
       SurfaceSamples surface = tracer.surface(hits);
@@ -50,7 +46,7 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
       picture = config.aov == Aov::kSteps ? steps_image(rays, steps) : data_image(config.aov, rays, hits);
       if (config.as_shown) picture = shown_image(config.aov, picture);
     }
-    times.shade += lap(last);
+    times.shade += watch.lap();
   }
   return picture;
 }

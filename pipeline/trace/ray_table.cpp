@@ -1,10 +1,10 @@
 #include "pipeline/trace/ray_table.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/base/vec.h"
 
 namespace rbvh {
@@ -74,10 +74,10 @@ std::vector<float> trace_table(const Tracer& tracer, std::span<const float> rays
       sum.unusable += !prepared[i].usable;
     }
     ray_buffer.write(std::span(sent).first(count));
-    const auto start = std::chrono::steady_clock::now();
+    Stopwatch watch;
     tracer.intersect(ray_buffer, hit_buffer, count, query);
     tracer.device.finish();
-    sum.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    sum.seconds += watch.lap();
     hit_buffer.read(std::span(hits).first(count));
     for (std::size_t i = 0; i < count; ++i) {
       float* row = &table[(first + i) * kHitColumns];

@@ -1,12 +1,12 @@
 #include "pipeline/trace/trace_patch.h"
 
 #include <algorithm>
-#include <chrono>
 #include <limits>
 #include <string>
 #include <utility>
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/trace/patch_residency.h"
 #include "pipeline/trace/ray_queue.h"
 
@@ -27,16 +27,13 @@ class PhaseWatch {
   double lap() {
     if (!timed_) return 0;
     device_.finish();
-    const auto now = std::chrono::steady_clock::now();
-    const double seconds = std::chrono::duration<double>(now - last_).count();
-    last_ = now;
-    return seconds;
+    return watch_.lap();
   }
 
  private:
   const Device& device_;
   bool timed_;
-  std::chrono::steady_clock::time_point last_;
+  Stopwatch watch_;
 };
 
 }  // namespace

@@ -32,7 +32,7 @@ Rbvh make_large_rbvh() {
   return rbvh;
 }
 
-// The last two of the small pair's three leaves keep primitives, 2 and 1.
+// The last two of the small pair's three leaves have exact primitives, 2 and 1.
 Rbvh make_exact_rbvh() {
   Rbvh rbvh = make_small_rbvh();
   Level& level = rbvh.levels[0];
@@ -207,8 +207,8 @@ TEST_F(RbvhFileTest, HostileTiles) {
   };
   expect_contains(leaf([](RbvhLeaf& l) { l.width = 1; }), "at least 2");
   expect_contains(leaf([](RbvhLeaf& l) { l.height = 0; }), "at least 2");
-  expect_contains(leaf([](RbvhLeaf& l) { l.x = 4; }), "out of the atlas");
-  expect_contains(leaf([](RbvhLeaf& l) { l.y = 65535; }), "out of the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.x = 4; }), "beyond the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.y = 65535; }), "beyond the atlas");
   expect_contains(leaf([](RbvhLeaf& l) { l.width = 6; }), "overlap");
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[3] = std::nanf(""); }), "not finite");
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[0] = 0; }), "inverted");
@@ -226,11 +226,12 @@ TEST_F(RbvhFileTest, HostilePrimitives) {
   expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 3; }), "leaf 3 of 3");
   expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 1; }), "out of order");
   expect_contains(fault([](Level& l) { l.exact_leaves[1].first = 1; }), "from number 1 on");
-  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "keeps 0");
-  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "keeps 4294967295");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "has 0 exact");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "has 4294967295 exact");
   expect_contains(fault([](Level& l) { l.exact_primitives.push_back({}); }),
-                  "4 primitives of which leaves keep 3");
-  expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }), "3 primitives of which leaves keep 0");
+                  "4 exact primitives, and leaves that use 3");
+  expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }),
+                  "3 exact primitives, and leaves that use 0");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[8] = std::nanf(""); }), "not finite");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[3] = -1; }), "radius is negative");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[4] = 2; }), "not of length 1");
@@ -401,7 +402,7 @@ TEST_F(RbvhFileTest, LayersAndMeasuresAreChecked) {
   expect_contains(layer([&](Layer& l) { l.hi = nan; }), "range");
   expect_contains(layer([&](Layer& l) { l.hi = inf; }), "range");
   expect_contains(layer([](Layer& l) { l.tiles.pop_back(); }), "2 tiles for 3 leaves");
-  expect_contains(layer([](Layer& l) { l.tiles[1].x = 6; }), "reaches out");
+  expect_contains(layer([](Layer& l) { l.tiles[1].x = 6; }), "extends beyond");
   expect_contains(layer([](Layer& l) { l.tiles[1].height = 1; }), "too small");
   expect_contains(layer([](Layer& l) { l.tiles[1] = {0, 0, 10, 7}; }), "overlap");
   expect_contains(layer([](Layer& l) { l.width = 70000; }), "65535");
