@@ -60,8 +60,8 @@ struct PatchTracer final : Tracer {
 
   using Tracer::Tracer;
   /// Hit.u and v are s and t in the patch; leaf is the patch. `steps` counts nodes and micro-quads. A patch
-  /// that the cache cannot hold is intersected unbuilt, which takes long; Error(kBudget) where the cache is
-  /// too small even for the smallest.
+  /// that the cache cannot hold is intersected unbuilt, which is slow; Error(kBudget) where it is too coarse
+  /// for that.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   /// At that camera's detail.
@@ -88,10 +88,10 @@ void resolve_everything(const PatchTracer& tracer);
 /// The levels now in use, of one proxy.
 std::vector<PatchLevel> levels_in_use(const PatchTracer& tracer, std::uint32_t proxy = 0);
 
-/// Rays of an image, `row` pixels wide, row by row (0: any rays). Speed alone depends on it.
+/// Rays of an image, `row` pixels wide, row by row (0: any rays). Only speed depends on it.
 void intersect_rows(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                     std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps, std::uint32_t row);
-/// The same, starting from hits of other objects and their steps.
+/// The same, starting from hits of other objects and from their steps.
 void intersect_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
                        std::uint32_t row);
