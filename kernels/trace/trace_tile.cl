@@ -267,8 +267,8 @@ static inline float march(const Level* level, int id, float3 o, float3 d, float 
     const int16 line = k + dir * lanes;
     const float16 t = (convert_float16(line) - o_major) * i_major;
     const float16 minor = o_minor + d_minor * t;
-    const int16 y = clamp(convert_int16(minor), 0, n_minor - 2);
-    const int16 at = clamp(line, 0, n_major - 1) * s_major + y * s_minor;
+    const int16 y = clamp(convert_int16(minor), (int16)(0), (int16)(n_minor - 2));
+    const int16 at = clamp(line, (int16)(0), (int16)(n_major - 1)) * s_major + y * s_minor;
     if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, at)) return tmax;
     if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, at + s_minor)) return tmax;
     const float16 h0 = convert_float16(gather16(p, at)), h1 = convert_float16(gather16(p + s_minor, at));
@@ -281,8 +281,8 @@ static inline float march(const Level* level, int id, float3 o, float3 d, float 
     const int16 halved =
         is_halved(&segment, fabs(dw * i_major) + NEAR * limit) & (y != y.s123456789abcdeff) & (t < t1);
     if (lane_bits16(halved) & 0x7fffu) {
-      const int16 a = clamp(line, 0, n_major - 1) * s_major + m * s_minor,
-                  b = clamp(line + dir, 0, n_major - 1) * s_major + m * s_minor;
+      const int16 a = clamp(line, (int16)(0), (int16)(n_major - 1)) * s_major + m * s_minor,
+                  b = clamp(line + dir, (int16)(0), (int16)(n_major - 1)) * s_major + m * s_minor;
       if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, a)) return tmax;
       if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, b)) return tmax;
       const float16 t_row = (convert_float16(m) - o_minor) / d_minor;
@@ -537,7 +537,8 @@ static inline void march_packet(const Level* level, int id, float3 o, Packet* ra
       const float16 slope = (segment.to_D - segment.from_D) / (segment.to_t - segment.from_t);
       const float16 secant = segment.from_t - segment.from_D / slope;
       const float16 u = ou + du * secant, v = ov + dv * secant;
-      const int16 hx = clamp(convert_int16(u), 0, width - 2), hy = clamp(convert_int16(v), 0, height - 2);
+      const int16 hx = clamp(convert_int16(u), (int16)(0), (int16)(width - 2)),
+                  hy = clamp(convert_int16(v), (int16)(0), (int16)(height - 2));
       const int16 q = hy * width + hx;
       if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, q)) return;
       if (!LANES_IN_BOUNDS(level->bounds, HEIGHTS, tile->offset, q + width + 1)) return;
