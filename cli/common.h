@@ -28,7 +28,9 @@
 #include "cli/parse.h"
 #include "cli/progress.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/memory_budget.h"
 #include "pipeline/base/stopwatch.h"
+#include "pipeline/base/text.h"
 
 namespace rbvh {
 
@@ -42,9 +44,9 @@ struct Context {
   bool quiet = false;
   bool verbose = false;
   std::string log_path;
-  std::string device;               ///< as Device::open() takes it
-  int threads = 0;                  ///< 0: all
-  std::uint64_t memory_budget = 0;  ///< bytes; 0: what the machine has
+  std::string device;  ///< as Device::open() takes it
+  int threads = 0;     ///< 0: all
+  MemoryBudget memory;
   bool no_color = false;
   ProgressMode progress_mode = ProgressMode::kAuto;
   std::string report_path;
@@ -109,21 +111,6 @@ void detail(Context& context, const std::string& line);
 void warn(Context& context, const std::string& line);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
-
-/// Throws Error(kBudget) when `bytes` for `what` is more than --memory, or than the machine has.
-void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
-                  const std::string& what);
-
-/// The same for reading a file as it is and what is made of its bytes; nothing where it has no size (a pipe).
-void check_read_budget(const Context& context, const std::string& path, std::uint64_t times = 2);
-
-/// "12.3 MB".
-std::string format_bytes(std::uint64_t bytes);
-
-/// "levels" of "level", "leaves" of "leaf".
-std::string plural(const std::string& noun);
-/// "1 level", "2 levels".
-std::string counted(std::uint64_t count, const std::string& noun);
 
 /// A device as reports and `devices --json` have it.
 nlohmann::ordered_json device_json(const DeviceInfo& info);

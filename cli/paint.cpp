@@ -2,9 +2,9 @@
 #include <cmath>
 #include <memory>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/layer_options.h"
-#include "cli/measure.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
@@ -30,7 +30,7 @@ struct Paint {
 
 Paint read_paint(const Context& context, const PaintOptions& options) {
   static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
-  check_read_budget(context, options.values);
+  check_read_budget(context.memory, options.values);
   Paint paint{read_points(context, options.points), read_npy(options.values, kColumns)};
   if (paint.values.rows != paint.points.size())
     throw Error(ErrorKind::kInput, options.values,
@@ -84,16 +84,16 @@ void run_paint(Context& context, const PaintOptions& options) {
   Paint paint;
   Scan scan;
   if (from_scan)
-    scan = load_exact_scan(context, options.scan);
+    scan = load_scan(options.scan, context.memory, context.progress.callback());
   else
     paint = read_paint(context, options);
-  Subject pair = load_subject(context, options.file);
+  Asset pair = load(context, options.file);
   Rbvh& rbvh = std::get<Rbvh>(pair.content);
   move_to_shift(scan, rbvh.source.shift);
   from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
             : warn_of_infinite(context, options.values, paint.values.values);
-  const std::vector<std::string> levels =
-      choose_levels(context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const std::vector<std::string> levels = levels_to_cast(
+      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
   const double load_seconds = watch.lap();
   PaintCounts counts;
   std::optional<Device> device;

@@ -175,13 +175,13 @@ int main(int argc, char** argv) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return static_cast<int>(rbvh::ErrorKind::kUsage);
+    return 2;
   } catch (const rbvh::Error& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return 1;
+    return error.kind() == rbvh::ErrorKind::kUsage ? 2 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return static_cast<int>(rbvh::ErrorKind::kFailure);
+    return 1;
   }
   return 0;
 }

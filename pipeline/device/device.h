@@ -140,6 +140,7 @@ class Buffer {
   Buffer(const Device& device, const std::vector<T>& values) : Buffer(device, std::span<const T>(values)) {}
 
   std::size_t size() const { return count_; }
+  std::size_t size_bytes() const { return count_ * sizeof(T); }
   void write(std::span<const T> values, std::size_t at = 0) {
     Device::write_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes(), true);
   }

@@ -1,5 +1,7 @@
 #include "pipeline/rbvh/rbvh.h"
 
+#include "pipeline/rbvh/texel.h"
+
 namespace rbvh {
 
 const Level* Rbvh::find_level(const std::string& wanted) const {
@@ -19,6 +21,17 @@ const Layer* find_layer(const Level& level, std::string_view name) {
   for (const Layer& layer : level.layers)
     if (layer.name == name) return &layer;
   return nullptr;
+}
+
+double texel_side(const Level& level) {
+  double sides = 0, texels = 0;
+  for (const RbvhLeaf& leaf : level.leaves) {
+    const TileFrame frame(leaf);
+    const double count = static_cast<double>(leaf.width) * leaf.height;
+    sides += count * (length(frame.u) + length(frame.v)) / 2;
+    texels += count;
+  }
+  return texels > 0 ? sides / texels : 0;
 }
 
 }  // namespace rbvh

@@ -83,6 +83,9 @@ struct Level {
 /// The layer of that name, or nullptr.
 const Layer* find_layer(const Level& level, std::string_view name);
 
+/// The level's mean texel side in scan units.
+double texel_side(const Level& level);
+
 /// Width and height of the atlas that holds the layer's texels.
 inline std::array<std::uint32_t, 2> atlas_size(const Level& level, const Layer& layer) {
   if (layer.tiles.empty()) return {level.atlas_width, level.atlas_height};

@@ -176,12 +176,4 @@ CameraRays camera_rays(const Camera& camera, std::uint32_t width, std::uint32_t 
   return rays;
 }
 
-Vec3f pixel_direction(const CameraRays& rays, std::uint32_t x, std::uint32_t y) {
-  const float px = static_cast<float>(x) + rays.offset_x, py = static_cast<float>(y) + rays.offset_y;
-  Vec3f d;
-  for (int axis = 0; axis < 3; ++axis)
-    d[axis] = rays.corner[axis] + rays.right[axis] * px + rays.up[axis] * py;
-  return normalized(d);
-}
-
 }  // namespace rbvh

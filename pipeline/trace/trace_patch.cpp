@@ -546,7 +546,8 @@ void trace(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>
 
 PatchTracer make_patch_tracer(const Device& device, std::span<const Proxy* const> proxies,
                               std::span<const ProxyInstance> instances, const ProxyConfig& config) {
-  PatchTracer tracer{device, std::make_shared<PatchTracerState>()};
+  PatchTracer tracer(device);
+  tracer.state = std::make_shared<PatchTracerState>();
   State& state = *tracer.state;
   state.config = config;
   state.config.pairs = std::clamp(config.pairs, 1u, kMostPairs);
@@ -698,26 +699,37 @@ std::vector<PatchLevel> levels_in_use(const PatchTracer& tracer, std::uint32_t p
   return {first, first + part.patches};
 }
 
-void trace_rays(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps, std::uint32_t row) {
+void PatchTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                            RayQuery query, const Buffer<std::uint32_t>* steps) const {
+  intersect_rows(*this, rays, hits, count, query, steps, 0);
+}
+
+void PatchTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                            const Buffer<std::uint32_t>* steps) const {
+  set_detail(*this, camera);
+  const std::size_t pixels = std::size_t{camera.width} * camera.height;
+  Buffer<Ray>& rays = state->camera_rays;
+  if (rays.size() < pixels) rays = {device, pixels};
+  const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
+  device.kernel("trace/trace_scene", "write_camera_rays").run(squares * 64, kRayGroup, camera, rays);
+  intersect_rows(*this, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
+}
+
+std::uint64_t PatchTracer::memory() const {
+  const ProxyBytes b = bytes(*this);
+  return b.base + b.maps + b.cache;
+}
+
+void intersect_rows(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                    std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
+                    std::uint32_t row) {
   trace(tracer, rays, hits, count, query, steps, false, row);
 }
 
-void trace_rays_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
-                        std::uint32_t row) {
+void intersect_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                       std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
+                       std::uint32_t row) {
   trace(tracer, rays, hits, count, query, steps, true, row);
-}
-
-void trace_camera(const PatchTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps) {
-  set_detail(tracer, camera);
-  const std::size_t pixels = std::size_t{camera.width} * camera.height;
-  Buffer<Ray>& rays = tracer.state->camera_rays;
-  if (rays.size() < pixels) rays = {tracer.device, pixels};
-  const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
-  tracer.device.kernel("trace/trace_scene", "write_camera_rays").run(squares * 64, kRayGroup, camera, rays);
-  trace_rays(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 
 ProxyStats& stats(const PatchTracer& tracer) { return tracer.state->stats; }

@@ -19,7 +19,7 @@
 #include "pipeline/device/device.h"
 #include "pipeline/proxy/patch_levels.h"
 #include "pipeline/proxy/proxy.h"
-#include "pipeline/trace/trace_tile.h"
+#include "pipeline/trace/tracer.h"
 
 namespace rbvh {
 
@@ -64,9 +64,20 @@ struct PatchTracerState;
 
 /// Proxies on the device. Cheap to copy; copies share the cache and the levels of detail. Not to be used from
 /// several threads at once.
-struct PatchTracer {
-  Device device;
+struct PatchTracer final : Tracer {
   std::shared_ptr<PatchTracerState> state;
+
+  using Tracer::Tracer;
+  /// Hit.u and v are s and t in the patch; leaf is the patch. `steps` counts nodes and micro-quads. A patch
+  /// that the cache cannot hold is intersected unbuilt, which takes long; Error(kBudget) where the cache is
+  /// too small even for the smallest.
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  /// At that camera's detail.
+  void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  SurfaceSamples surface(std::span<const Hit> hits) const override { return geometric_surface(hits); }
+  std::uint64_t memory() const override;
 };
 
 /// Of proxies without a find_fault(). Throws Error(kBudget) where the device cannot hold them. At first every
@@ -87,22 +98,13 @@ void resolve_everything(const PatchTracer& tracer);
 /// The levels now in use, of one proxy.
 std::vector<PatchLevel> levels_in_use(const PatchTracer& tracer, std::uint32_t proxy = 0);
 
-/// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]. Hit.u and v are s and t in the
-/// patch; leaf is the patch. `steps`, where given, gets nodes and micro-quads visited per ray. A patch that
-/// the cache cannot hold is met unbuilt, which takes long; Error(kBudget) where the cache is too small even
-/// for the smallest. `row`: the rays are an image's, so many pixels wide, row by row; 0: any. Speed alone
-/// depends on it.
-void trace_rays(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr,
-                std::uint32_t row = 0);
+/// Rays of an image, `row` pixels wide, row by row (0: any rays). Speed alone depends on it.
+void intersect_rows(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                    std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps, std::uint32_t row);
 /// The same, starting from hits of other objects and their steps.
-void trace_rays_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                        std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr,
-                        std::uint32_t row = 0);
-
-/// Primary rays of a camera: hits row by row, at that camera's detail.
-void trace_camera(const PatchTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps = nullptr);
+void intersect_further(const PatchTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+                       std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps,
+                       std::uint32_t row);
 
 ProxyStats& stats(const PatchTracer& tracer);
 ProxyBytes bytes(const PatchTracer& tracer);

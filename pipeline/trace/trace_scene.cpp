@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <optional>
-#include <variant>
 
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
@@ -14,7 +12,10 @@
 namespace rbvh {
 
 struct SceneTracerState {
-  std::vector<std::variant<TileTracer, ExactTracer>> tracers;  ///< one for each object that is no proxy
+  const Scene* scene = nullptr;
+  std::vector<std::uint32_t> first_leaf;         ///< of each instance, and the number of all
+  std::vector<std::uint32_t> number;             ///< of each object among the tracers, or among the proxies
+  std::vector<std::unique_ptr<Tracer>> tracers;  ///< one for each object that is no proxy
   std::optional<PatchTracer> proxies;
   double pixels = 1;
 
@@ -110,12 +111,8 @@ void trace_pairs(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffe
   tracer.device.kernel("trace/trace_scene", "place_rays", state.options)
       .run(count, kGroup, state.pair_places, begin, count, state.pair_rays, state.pair_instances,
            state.placements, rays, hits, state.placed_rays);
-  std::visit(
-      [&](const auto& kind) {
-        trace_rays(kind, state.placed_rays, state.placed_hits, count, query,
-                   has_steps ? &state.placed_steps : nullptr);
-      },
-      state.tracers[number]);
+  state.tracers[number]->intersect(state.placed_rays, state.placed_hits, count, query,
+                                   has_steps ? &state.placed_steps : nullptr);
   tracer.device.kernel("trace/trace_scene", "take_placed_hits", state.options)
       .run(count, kGroup, state.pair_places, begin, count, state.pair_rays, state.pair_instances,
            state.placements, rays, state.placed_hits, state.placed_steps, state.pair_hits,
@@ -179,20 +176,23 @@ void trace_with_levels(const SceneTracer& tracer, const Buffer<Ray>& rays, const
                    steps != nullptr ? *steps : Buffer<std::uint32_t>());
   }
   if (state.proxies) {
-    state.placed > 0 ? trace_rays_further(*state.proxies, rays, hits, count, query, steps, row)
-                     : trace_rays(*state.proxies, rays, hits, count, query, steps, row);
+    state.placed > 0 ? intersect_further(*state.proxies, rays, hits, count, query, steps, row)
+                     : intersect_rows(*state.proxies, rays, hits, count, query, steps, row);
   }
 }
 
 }  // namespace
 
 SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const SceneConfig& config) {
-  SceneTracer tracer{device, std::make_shared<SceneTracerState>()};
+  SceneTracer tracer(device);
+  tracer.state = std::make_shared<SceneTracerState>();
   SceneTracerState& state = *tracer.state;
   state.pixels = config.pixels;
-  const std::vector<std::uint32_t> first = first_leaves(scene);
+  state.scene = &scene;
+  state.first_leaf = first_leaves(scene);
+  const std::vector<std::uint32_t>& first = state.first_leaf;
+  std::vector<std::uint32_t>& number = state.number;
   std::vector<const Proxy*> proxies;
-  std::vector<std::uint32_t> number;  // of each object among its kind
   std::vector<Bounds3f> boxes;
   for (const SceneObject& object : scene.objects) {
     boxes.push_back(reach(object));
@@ -203,9 +203,10 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
     }
     number.push_back(static_cast<std::uint32_t>(state.tracers.size()));
     if (const Level* level = object.level())
-      state.tracers.emplace_back(make_tile_tracer(device, *level));
+      state.tracers.push_back(std::make_unique<TileTracer>(make_tile_tracer(device, *level)));
     else
-      state.tracers.emplace_back(make_exact_tracer(device, *object.scan(), config.exact));
+      state.tracers.push_back(
+          std::make_unique<ExactTracer>(make_exact_tracer(device, *object.scan(), config.exact)));
   }
   std::vector<ProxyInstance> proxy_instances;
   std::vector<ScenePlacement> placements;
@@ -235,26 +236,27 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
   return tracer;
 }
 
-void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
-  if (tracer.state->proxies) set_detail(*tracer.state->proxies);
-  trace_with_levels(tracer, rays, hits, count, query, steps, 0);
+void SceneTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                            RayQuery query, const Buffer<std::uint32_t>* steps) const {
+  if (state->proxies) set_detail(*state->proxies);
+  trace_with_levels(*this, rays, hits, count, query, steps, 0);
 }
 
-void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps) {
-  if (tracer.state->proxies) set_detail(*tracer.state->proxies, camera, tracer.state->pixels);
+void SceneTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                            const Buffer<std::uint32_t>* steps) const {
+  if (state->proxies) set_detail(*state->proxies, camera, state->pixels);
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
-  Buffer<Ray>& rays = tracer.state->camera_rays;
-  if (rays.size() < pixels) rays = {tracer.device, pixels};
+  Buffer<Ray>& rays = state->camera_rays;
+  if (rays.size() < pixels) rays = {device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
-  tracer.device.kernel("trace/trace_scene", "write_camera_rays", tracer.state->options)
+  device.kernel("trace/trace_scene", "write_camera_rays", state->options)
       .run(squares * 64, kGroup, camera, rays);
-  trace_with_levels(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
+  trace_with_levels(*this, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 
-SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
-  const std::vector<std::uint32_t> first = first_leaves(scene);
+SurfaceSamples SceneTracer::surface(std::span<const Hit> hits) const {
+  const Scene& scene = *state->scene;
+  const std::vector<std::uint32_t>& first = state->first_leaf;
   std::vector<std::vector<std::size_t>> pixels(scene.instances.size());
   for (std::size_t i = 0; i < hits.size(); ++i)
     if (hits[i].leaf != RBVH_NO_LEAF)
@@ -262,14 +264,12 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
                                       first.begin()) -
              1]
           .push_back(i);
-  std::map<std::uint32_t, std::vector<Vec3f>> normals;  // by object, made when first needed
   SurfaceSamples all;
   all.normals.resize(hits.size());
   for (std::size_t k = 0; k < pixels.size(); ++k) {
     if (pixels[k].empty()) continue;
     const SceneInstance& instance = scene.instances[k];
-    const SceneObject& object = scene.objects[instance.object];
-    if (object.proxy() != nullptr) {
+    if (scene.objects[instance.object].proxy() != nullptr) {
       for (const std::size_t i : pixels[k])
         all.normals[i] = {hits[i].normal[0], hits[i].normal[1], hits[i].normal[2]};
       continue;
@@ -287,13 +287,7 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
       const Vec3f n = static_cast<Vec3f>(normalized(instance.to_world.transposed(world)));
       for (int axis = 0; axis < 3; ++axis) own.back().normal[axis] = n[axis];
     }
-    SurfaceSamples samples;
-    if (const Scan* scan = object.scan()) {
-      if (!normals.contains(instance.object)) normals[instance.object] = shading_normals(*scan);
-      samples = sample_surface(*scan, normals[instance.object], own);
-    } else {
-      samples = sample_surface(*object.level(), own);
-    }
+    const SurfaceSamples samples = state->tracers[state->number[instance.object]]->surface(own);
     if (!samples.colors.empty() && all.colors.empty()) all.colors.assign(hits.size(), kClay);
     for (std::size_t n = 0; n < pixels[k].size(); ++n) {
       all.normals[pixels[k][n]] = to_world_normal(samples.normals[n]);
@@ -301,6 +295,13 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
     }
   }
   return all;
+}
+
+std::uint64_t SceneTracer::memory() const {
+  std::uint64_t total = state->nodes.size_bytes() + state->placements.size_bytes();
+  for (const std::unique_ptr<Tracer>& tracer : state->tracers) total += tracer->memory();
+  if (state->proxies) total += state->proxies->memory();
+  return total;
 }
 
 const PatchTracer* patch_tracer(const SceneTracer& tracer) {

@@ -7,10 +7,11 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/render/shade.h"
 #include "pipeline/scene/scene.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_patch.h"
+#include "pipeline/trace/trace_tile.h"
+#include "pipeline/trace/tracer.h"
 
 namespace rbvh {
 
@@ -24,25 +25,23 @@ struct SceneTracerState;
 
 /// A scene on the device. Cheap to copy; copies share the cache of patch hierarchies. Not to be used from
 /// several threads at once.
-struct SceneTracer {
-  Device device;
+struct SceneTracer final : Tracer {
   std::shared_ptr<SceneTracerState> state;
+
+  using Tracer::Tracer;
+  /// Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies are at their finest.
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  /// Proxies are at that camera's detail.
+  void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  /// By each object's own normals and colours.
+  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  std::uint64_t memory() const override;
 };
 
 /// Throws as the tracers of its objects do.
 SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const SceneConfig& config = {});
-
-/// As the other tracers' are. Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies
-/// are at their finest.
-void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
-
-/// Primary rays of a camera: hits row by row, proxies at that camera's detail.
-void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps = nullptr);
-
-/// What is shown of the surface at each hit, by each object's own normals and colours.
-SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits);
 
 /// How the scene's proxies were traced; nullptr without any.
 const PatchTracer* patch_tracer(const SceneTracer& tracer);

@@ -130,37 +130,46 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
   const WideNodes eight = flatten_wide(tree.nodes, 8), sixteen = flatten_wide(tree.nodes, 16);
   if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
     throw Error(ErrorKind::kInput, "", "the hierarchy is too deep to trace; build the pair again");
-  return {.device = device,
-          .nodes8 = Buffer<std::uint32_t>(device, eight.words),
-          .nodes16 = Buffer<std::uint32_t>(device, sixteen.words),
-          .tiles = Buffer<RbvhTile>(device, tree.tiles),
-          .heights = Buffer<std::uint16_t>(device, heights),
-          .exact = Buffer<RbvhChunk>(device, tree.chunks),
-          .discs = level.exact_discs ? 1u : 0u};
+  TileTracer tracer(device);
+  tracer.nodes8 = {device, eight.words};
+  tracer.nodes16 = {device, sixteen.words};
+  tracer.tiles = {device, tree.tiles};
+  tracer.heights = {device, heights};
+  tracer.exact = {device, tree.chunks};
+  tracer.discs = level.exact_discs ? 1u : 0u;
+  tracer.level = &level;
+  return tracer;
 }
 
-void trace_rays(const TileTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps) {
+void TileTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                           RayQuery query, const Buffer<std::uint32_t>* steps) const {
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
-  tracer.device.kernel("trace/trace_tile", "trace_tile_rays", options())
-      .run(count, 64, tracer.nodes16, tracer.tiles, tracer.heights, tracer.exact, tracer.discs, rays,
-           static_cast<std::uint32_t>(count), query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
+  device.kernel("trace/trace_tile", "trace_tile_rays", options())
+      .run(count, 64, nodes16, tiles, heights, exact, discs, rays, static_cast<std::uint32_t>(count),
+           query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
 }
 
-void trace_camera(const TileTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps) {
+void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                           const Buffer<std::uint32_t>* steps) const {
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   const auto blocks = [](std::uint32_t pixels, std::uint32_t side) {
     return static_cast<std::size_t>((pixels + side - 1) / side);
   };
-  if (tracer.device.info().is_cpu)
-    tracer.device.kernel("trace/trace_tile", "trace_tile_packets", options())
-        .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, tracer.nodes8, tracer.tiles,
-             tracer.heights, tracer.exact, tracer.discs, camera, hits, steps_out);
+  if (device.info().is_cpu)
+    device.kernel("trace/trace_tile", "trace_tile_packets", options())
+        .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, nodes8, tiles, heights, exact, discs,
+             camera, hits, steps_out);
   else
-    tracer.device.kernel("trace/trace_tile", "trace_tile_pixels", options())
-        .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, tracer.nodes16, tracer.tiles,
-             tracer.heights, tracer.exact, tracer.discs, camera, hits, steps_out);
+    device.kernel("trace/trace_tile", "trace_tile_pixels", options())
+        .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, nodes16, tiles, heights, exact,
+             discs, camera, hits, steps_out);
+}
+
+SurfaceSamples TileTracer::surface(std::span<const Hit> hits) const { return sample_surface(*level, hits); }
+
+std::uint64_t TileTracer::memory() const {
+  return nodes8.size_bytes() + nodes16.size_bytes() + tiles.size_bytes() + heights.size_bytes() +
+         exact.size_bytes();
 }
 
 }  // namespace rbvh

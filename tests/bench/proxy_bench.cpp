@@ -170,7 +170,7 @@ std::vector<Hit> measure_row(const PatchTracer& tracer, const std::optional<Exac
   const Buffer<Ray> rays(device, row.set);
   const Buffer<Hit> hits(device, row.set.size());
   const auto time = [&](const auto& with) {
-    return 1e3 * seconds_of(device, [&] { trace_rays(with, rays, hits, row.set.size(), row.query); });
+    return 1e3 * seconds_of(device, [&] { with.intersect(rays, hits, row.set.size(), row.query); });
   };
   std::vector<double> cold, warm, exact, cold_ratios, warm_ratios;
   for (int i = 0; i < repetitions; ++i) {
@@ -229,7 +229,7 @@ std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<Exa
       const Buffer<Ray> rays(tracer.device, rows[r].set);
       const Buffer<Hit> found(tracer.device, rows[r].set.size());
       kept[r].push_back(1e3 * seconds_of(tracer.device, [&] {
-                          trace_rays(tracer, rays, found, rows[r].set.size(), rows[r].query);
+                          tracer.intersect(rays, found, rows[r].set.size(), rows[r].query);
                         }));
     }
   }
@@ -240,10 +240,10 @@ std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<Exa
     const Buffer<Hit> found(tracer.device, row.set.size());
     stats(tracer) = {};
     stats(tracer).timed = true;
-    trace_rays(tracer, rays, found, row.set.size(), row.query);
+    tracer.intersect(rays, found, row.set.size(), row.query);
     row.kept_phases = stats(tracer);
     const Buffer<std::uint32_t> steps(tracer.device, row.set.size());
-    trace_rays(tracer, rays, found, row.set.size(), row.query, &steps);
+    tracer.intersect(rays, found, row.set.size(), row.query, &steps);
     for (const std::uint32_t visited : steps.read()) row.visits += visited;
     row.visits /= static_cast<double>(row.set.size());
     if (twin) {
@@ -314,7 +314,7 @@ void measure(const Device& device, const Options& options, const std::string& na
                                        mesh.triangles.size() * sizeof(Triangle));
       twin = make_exact_tracer(device, mesh);
     });
-    twin_bytes += static_cast<double>(twin->bytes());
+    twin_bytes += static_cast<double>(twin->memory());
   }
   std::printf("\n## %s: %zu patches, %.1f M triangles tessellated; prepared in %.2f s (twin: %.1f s)\n\n",
               name.c_str(), scene.proxy.quads.size(), scene.triangles * 1e-6, prepare, twin_seconds);
@@ -365,11 +365,11 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
     const Buffer<Hit> hits(device, rays.size());
     const auto time = [&](const auto& with) {
       return 1e3 *
-             seconds_of(device, [&] { trace_rays(with, ray_buffer, hits, rays.size(), RayQuery::kNearest); });
+             seconds_of(device, [&] { with.intersect(ray_buffer, hits, rays.size(), RayQuery::kNearest); });
     };
     const Buffer<Hit> seen(device, rays.size());
     const auto time_camera = [&](const auto& with) {
-      return 1e3 * seconds_of(device, [&] { trace_camera(with, camera, seen); });
+      return 1e3 * seconds_of(device, [&] { with.intersect(camera, seen); });
     };
     std::vector<double> cold, cached, exact, cold_ratios, cached_ratios, packets, packet_ratios;
     time(twin);

@@ -80,15 +80,15 @@ void run(const Options& options) {
   {
     const std::vector<Ray> first = primary_rays(primary);
     const ExactTracer exact = make_exact_tracer(device, scan, {});
-    trace_rays(exact, Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
+    exact.intersect(Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
     diffuse = diffuse_rays(first, hits.read(), 1e-3f * box.diagonal(), 1);
   }
   const Buffer<Ray> diffuse_buffer(device, diffuse);
   const Buffer<Hit> diffuse_hits(device, diffuse.size());
 
   const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
-    return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
-              trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
+    return {seconds_of(device, [&] { trial.tracer.intersect(primary, hits); }), seconds_of(device, [&] {
+              trial.tracer.intersect(diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
             })};
   };
   const auto measure_all = [&](std::vector<Trial>& trials, std::size_t reference) {

@@ -111,8 +111,8 @@ TEST(Properties, AnyRaysHitLiesWithinTheLevelsStatedErrorOfTheScan) {
         // As `build --measure` states it.
         const double stated = sampled_distance(surface_of(level), surface, 200000).max;
         const Buffer<Hit> hits(device, rays.size());
-        trace_rays(make_tile_tracer(device, level), Buffer<Ray>(device, rays), hits, rays.size(),
-                   RayQuery::kNearest);
+        make_tile_tracer(device, level)
+            .intersect(Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest);
         double worst = 0;
         std::size_t found = 0;
         const std::vector<Hit> all = hits.read();

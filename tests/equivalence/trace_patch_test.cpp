@@ -256,7 +256,7 @@ TEST_F(TracePatch, RaysThatStayTogetherFindWhatEachFindsAlone) {
     const Buffer<Ray> ray_buffer(device, rays);
     const Buffer<Hit> hits(device, rays.size());
     for (const std::uint32_t row : {1u, 2u, 37u, 40u, 6000u, 7000u}) {  // whatever the rows
-      trace_rays(tracer, ray_buffer, hits, rays.size(), RayQuery::kNearest, nullptr, row);
+      intersect_rows(tracer, ray_buffer, hits, rays.size(), RayQuery::kNearest, nullptr, row);
       expect_same(twin, rays, hits.read());
     }
     if (HasFailure()) return;
@@ -292,11 +292,11 @@ TEST_F(TracePatch, RaysThatResolveLessTakeBoxes) {
   for (const Device& on : {device, device.as_gpu()}) {
     const PatchTracer tracer = make_patch_tracer(on, proxy);
     const Buffer<Hit> buffer(device, 96 * 96);
-    trace_camera(tracer, rays, buffer);
+    tracer.intersect(rays, buffer);
     const std::vector<Hit> hits = buffer.read();
     const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
     const Buffer<Hit> exact_buffer(device, 96 * 96);
-    trace_camera(twin.tracer, rays, exact_buffer);
+    twin.tracer.intersect(rays, exact_buffer);
     const std::vector<Hit> exact = exact_buffer.read();
     std::size_t holes = 0, fat = 0, far = 0, found = 0;
     const double pixel = length(Vec3d{rays.right[0], rays.right[1], rays.right[2]});
