@@ -85,7 +85,7 @@ void add_unfinished(const std::string& path) {
       slot.used = true;
       return;
     }
-  RBVH_CHECK(!"more unfinished outputs at once than there are slots");
+  RBVH_CHECK(false && "more unfinished outputs at once than there are slots");
 }
 
 void drop_unfinished(const std::string& path) {

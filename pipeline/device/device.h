@@ -87,7 +87,7 @@ class Device {
  public:
   /// `choice`: empty (RBVH_DEVICE from the environment, else the first CPU, else the first device), "cpu",
   /// "gpu", an index of list_devices(), or part of a name (case-insensitive). Throws Error(kDevice) where
-  /// none fits.
+  /// none fits, or where its loops end early.
   static Device open(const std::string& choice = {});
 
   const DeviceInfo& info() const;
