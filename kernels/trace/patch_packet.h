@@ -141,12 +141,9 @@ static inline void query_of(const QueryLanes* lanes, uint i, Query* q) {
 typedef struct Packet {
   Query rays[PACKET];  // what micro-quads are met by; all of it for those that are `whole`, as bits
   uint whole;
-  uint lanes;  // rays that can hit anything, as bits
-  uint near_row[3], far_row[3];
-  float tmin;   // the least
+  uint lanes;   // rays that can hit anything, as bits
   float speed;  // the longest direction's length
-  // The least and the greatest inverse direction, and their offsets, as in Query.
-  float inverse[3][2], near_offset[3][2], far_offset[3][2];
+  PacketBounds bounds;
   // By ray; where it can hit nothing tmins is infinite.
   float16 inverses[3], near_offsets[3], far_offsets[3], tmins;
 } Packet;
@@ -211,20 +208,20 @@ static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p
     p->near_offsets[axis] = -(o[axis] + outwards) * inverse;
     p->far_offsets[axis] = -(o[axis] - outwards) * inverse;
     const bool back = first_d[axis] < 0.0f;
-    p->near_row[axis] = back ? axis + 3 : axis;
-    p->far_row[axis] = back ? axis : axis + 3;
-    p->inverse[axis][0] = -greatest(-inverse);
-    p->inverse[axis][1] = greatest(inverse);
+    p->bounds.near_row[axis] = back ? axis + 3 : axis;
+    p->bounds.far_row[axis] = back ? axis : axis + 3;
+    p->bounds.inverse[axis][0] = -greatest(-inverse);
+    p->bounds.inverse[axis][1] = greatest(inverse);
     // From the first ray's origin, twice as far beside as each alone, as these are rounded more often.
     const float near = -greatest(-((from_first - 2.0f * outwards) * inverse)),
                 far = greatest((from_first + 2.0f * outwards) * inverse);
     for (uint k = 0; k < 2; ++k) {
-      p->near_offset[axis][k] = near - first_o[axis] * p->inverse[axis][k];
-      p->far_offset[axis][k] = far - first_o[axis] * p->inverse[axis][k];
+      p->bounds.near_offset[axis][k] = near - first_o[axis] * p->bounds.inverse[axis][k];
+      p->bounds.far_offset[axis][k] = far - first_o[axis] * p->bounds.inverse[axis][k];
     }
   }
   p->tmins = select((float16)(INFINITY), rays->tmin, valid);
-  p->tmin = -greatest(-p->tmins);
+  p->bounds.tmin = -greatest(-p->tmins);
   p->speed = sqrt(greatest(length2));
   float words[7][PACKET];
   for (uint axis = 0; axis < 3; ++axis) vstore16(o[axis], 0, words[axis]);
@@ -247,36 +244,6 @@ static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p
   return true;
 }
 
-// Where a packet's bounds enter 16 boxes at the earliest, and leave them at the latest. LOAD: a row of
-// planes.
-#define PACKET_INTERVAL(LOAD, p, scale, near, far, enter, leave)                             \
-  for (uint axis = 0; axis < 3; ++axis) {                                                    \
-    const float16 from = LOAD(p->near_row[axis]), to = LOAD(p->far_row[axis]);               \
-    enter = max(enter, min(mad(from, (float16)(scale[axis][0]), (float16)(near[axis][0])),   \
-                           mad(from, (float16)(scale[axis][1]), (float16)(near[axis][1])))); \
-    leave = min(leave, max(mad(to, (float16)(scale[axis][0]), (float16)(far[axis][0])),      \
-                           mad(to, (float16)(scale[axis][1]), (float16)(far[axis][1]))));    \
-  }
-
-// Children that any of the rays may meet before `limit`; `entry`: not before it.
-static inline uint intersect_children_packet(__global const WideNode* node, const Packet* p, float limit,
-                                             float16* entry) {
-#define LOAD(row) vload16(0, node->planes[row])
-  float16 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(LOAD, p, p->inverse, p->near_offset, p->far_offset, enter, leave)
-#undef LOAD
-  *entry = enter;
-  return lane_bits16(enter <= leave);
-}
-
-// As open_node().
-static inline uint open_node_packet(__global const WideNode* node, const Packet* p, float limit, uint* stack,
-                                    float* stack_t, uint* depth) {
-  float16 entry;
-  const uint mask = intersect_children_packet(node, p, limit, &entry);
-  return mask == 0 ? 0 : take_children(node->children, 0, mask, entry, stack, stack_t, depth);
-}
-
 // A packet's planes in quanta of a patch's box, as in PatchRay.
 typedef struct PatchPacket {
   float scale[3][2], near[3][2], far[3][2];
@@ -287,9 +254,9 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
   for (uint axis = 0; axis < 3; ++axis) {
     const float lo = patch->lo[axis], quantum = (patch->hi[axis] - lo) * (1.0f / 65535.0f);
     for (uint k = 0; k < 2; ++k) {
-      r->scale[axis][k] = quantum * p->inverse[axis][k];
-      r->near[axis][k] = lo * p->inverse[axis][k] + p->near_offset[axis][k];
-      r->far[axis][k] = lo * p->inverse[axis][k] + p->far_offset[axis][k];
+      r->scale[axis][k] = quantum * p->bounds.inverse[axis][k];
+      r->near[axis][k] = lo * p->bounds.inverse[axis][k] + p->bounds.near_offset[axis][k];
+      r->far[axis][k] = lo * p->bounds.inverse[axis][k] + p->bounds.far_offset[axis][k];
     }
     r->scales[axis] = quantum * p->inverses[axis];
     r->nears[axis] = lo * p->inverses[axis] + p->near_offsets[axis];
@@ -301,7 +268,7 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
 static inline uint intersect_patch_box(const Packet* p, const PatchPacket* r, const float* limits) {
   float16 enter = p->tmins, leave = vload16(0, limits);
   for (uint axis = 0; axis < 3; ++axis) {
-    const bool back = p->near_row[axis] > 2;
+    const bool back = p->bounds.near_row[axis] > 2;
     enter = max(enter, mad((float16)(back ? 65535.0f : 0.0f), r->scales[axis], r->nears[axis]));
     leave = min(leave, mad((float16)(back ? 0.0f : 65535.0f), r->scales[axis], r->fars[axis]));
   }
@@ -312,8 +279,8 @@ static inline uint intersect_patch_box(const Packet* p, const PatchPacket* r, co
 static inline uint intersect_planes_packet(__global const ushort (*planes)[PATCH_WIDTH], const Packet* p,
                                            const PatchPacket* r, float limit, float16* entry, float16* left) {
 #define LOAD(row) convert_float16(vload16(0, planes[row]))
-  float16 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(LOAD, p, r->scale, r->near, r->far, enter, leave)
+  float16 enter = p->bounds.tmin, leave = limit;
+  PACKET_INTERVAL(float16, LOAD, &p->bounds, r->scale, r->near, r->far, enter, leave)
 #undef LOAD
   *entry = enter;
   *left = leave;
@@ -328,8 +295,8 @@ static inline uint intersect_leaves_packet(const PatchTree* tree, uint at, const
   __global const PatchBlock* block = tree->blocks + parent / PATCH_WIDTH;
   float16 enter = p->tmins, leave = vload16(0, limits);
   for (uint axis = 0; axis < 3; ++axis) {
-    const float from = (float)block->planes[p->near_row[axis]][parent % PATCH_WIDTH],
-                to = (float)block->planes[p->far_row[axis]][parent % PATCH_WIDTH];
+    const float from = (float)block->planes[p->bounds.near_row[axis]][parent % PATCH_WIDTH],
+                to = (float)block->planes[p->bounds.far_row[axis]][parent % PATCH_WIDTH];
     enter = max(enter, mad((float16)(from), r->scales[axis], r->nears[axis]));
     leave = min(leave, mad((float16)(to), r->scales[axis], r->fars[axis]));
   }

@@ -12,9 +12,6 @@
 // Entries that a traversal by 16s can have waiting: 15 every other level, and the 16 parts.
 #define PATCH_STACK 112
 
-// PoCL's compiler would pass vectors of 16 through memory.
-#define ALWAYS_INLINE inline __attribute__((always_inline))
-
 // The nearest hit so far.
 typedef struct PatchFound {
   float t;

@@ -515,8 +515,8 @@ static inline void intersect_instance_packet(const Scene* scene, uint at, const 
                              limits, visited);
     } else {
       ++*visited;
-      next =
-          open_node_packet(scene->nodes + current, &p, greatest(vload16(0, limits)), stack, stack_t, &depth);
+      next = open_node_packet(scene->nodes + current, &p.bounds, greatest(vload16(0, limits)), stack, stack_t,
+                              &depth);
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
@@ -563,8 +563,8 @@ static inline void intersect_all_packet(const Scene* scene, const BvhRoot* top, 
       load_limits(&p, s, limits);
     } else {
       ++*visited;
-      next =
-          open_node_packet(scene->nodes + current, &p, greatest(vload16(0, limits)), stack, stack_t, &depth);
+      next = open_node_packet(scene->nodes + current, &p.bounds, greatest(vload16(0, limits)), stack, stack_t,
+                              &depth);
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);

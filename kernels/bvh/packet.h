@@ -1,0 +1,100 @@
+// Sixteen rays from one point, as of a camera: prepared, and the nearest hit of each.
+#ifndef RBVH_PACKET_H
+#define RBVH_PACKET_H
+#include "kernels/bvh/wide_node.h"
+#include "kernels/common/camera_rays.h"
+
+#define ALL_LANES 0xffffu
+
+// Their nearest hits so far, as Found.
+typedef struct Found16 {
+  float16 t, u, v;
+  uint16 id, at;
+} Found16;
+
+static inline void find_nothing(Found16* found) {
+  found->t = FLT_MAX;
+  found->u = found->v = 0.0f;
+  found->id = RBVH_NO_LEAF;
+  found->at = 0;
+}
+
+// The farthest of them.
+static inline float limit_of_packet(const Found16* found) { return greatest(found->t); }
+
+// is_nearer() by lane.
+static ALWAYS_INLINE int16 is_nearer_packet(float16 t, uint id, const Found16* found) {
+  return (t < found->t) | ((t == found->t) & ((uint16)(id) < found->id));
+}
+
+typedef struct Packet {
+  PacketBounds bounds;
+  float origin[3];
+  float16 d[3];
+  uint kx, ky, kz;  // kz: an axis along which no ray is slow
+  float16 sx, sy, sz;
+  bool alone;  // kz is each ray's longest axis, as in prepare(): triangles are hit as by single rays
+} Packet;
+
+static ALWAYS_INLINE uint open_packet(__global const WideNode* node, const Packet* p, float limit,
+                                      uint* stack, float* stack_t, uint* depth) {
+  return open_node_packet(node, &p->bounds, limit, stack, stack_t, depth);
+}
+
+// camera_ray()'s directions of a square of 4 x 4 pixels.
+static inline void square_directions(const CameraRays* camera, uint left, uint top, float16* d) {
+  const float16 column = (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  const float16 row = (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  const float16 sx = ((float16)((float)left) + column) + camera->offset_x;
+  const float16 sy = ((float16)((float)top) + row) + camera->offset_y;
+  for (int i = 0; i < 3; ++i) d[i] = camera->corner[i] + camera->right[i] * sx + camera->up[i] * sy;
+  const float16 scale = 1.0f / sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+  for (int i = 0; i < 3; ++i) d[i] = d[i] * scale;
+}
+
+static inline void prepare_bounds(Packet* p, const BvhRoot* scene) {
+  const float16 longest = max(fabs(p->d[0]), max(fabs(p->d[1]), fabs(p->d[2])));
+  const float margin = error_bound(p->origin, scene);
+  PacketBounds* b = &p->bounds;
+  b->tmin = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float16 d = p->d[axis];
+    const uint back = lane_bits16(d < 0.0f);
+    const float16 inverse = 1.0f / d;
+    // Signs differ, or a ray is nearly parallel to the planes.
+    const bool mixed =
+        (back != 0 && back != ALL_LANES) || lane_bits16(fabs(d) > 1e-18f * longest) != ALL_LANES;
+    b->inverse[axis][0] = mixed ? 0.0f : least(inverse);
+    b->inverse[axis][1] = mixed ? 0.0f : greatest(inverse);
+    b->near_row[axis] = back ? axis + 3 : axis;
+    b->far_row[axis] = back ? axis : axis + 3;
+    const float outwards = back ? -margin : margin;
+    for (uint k = 0; k < 2; ++k) {
+      b->near_offset[axis][k] = mixed ? -FLT_MAX : -(p->origin[axis] + outwards) * b->inverse[axis][k];
+      b->far_offset[axis][k] = mixed ? FLT_MAX : -(p->origin[axis] - outwards) * b->inverse[axis][k];
+    }
+  }
+}
+
+// The rays of a square of 4 x 4 pixels. False where they can hit nothing.
+static bool prepare_packet(const CameraRays* camera, uint left, uint top, const BvhRoot* scene, Packet* p) {
+  square_directions(camera, left, top, p->d);
+  for (uint axis = 0; axis < 3; ++axis) {
+    p->origin[axis] = camera->position[axis];
+    if (!isfinite(p->origin[axis])) return false;
+  }
+  const float16 x = fabs(p->d[0]), y = fabs(p->d[1]), z = fabs(p->d[2]);
+  const float slow_x = least(x), slow_y = least(y), slow_z = least(z);
+  p->kz = slow_x >= slow_y && slow_x >= slow_z ? 0 : slow_y >= slow_z ? 1 : 2;
+  p->alone = lane_bits16(p->kz == 0   ? (x >= y) & (x >= z)
+                         : p->kz == 1 ? (y > x) & (y >= z)
+                                      : (z > x) & (z > y)) == ALL_LANES;
+  p->kx = (p->kz + 1) % 3;
+  p->ky = (p->kz + 2) % 3;
+  p->sx = p->d[p->kx] / p->d[p->kz];
+  p->sy = p->d[p->ky] / p->d[p->kz];
+  p->sz = 1.0f / p->d[p->kz];
+  prepare_bounds(p, scene);
+  return true;
+}
+#endif
