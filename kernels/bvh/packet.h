@@ -27,14 +27,40 @@ static ALWAYS_INLINE int16 is_nearer_packet(float16 t, uint id, const Found16* f
   return (t < found->t) | ((t == found->t) & ((uint16)(id) < found->id));
 }
 
+// The axis along which triangles are sheared, and by how much, as in Query.
+typedef struct PacketShear {
+  uint kx, ky, kz;
+  float16 sx, sy, sz;
+} PacketShear;
+
 typedef struct Packet {
   PacketBounds bounds;
   float origin[3];
   float16 d[3];
-  uint kx, ky, kz;  // kz: an axis along which no ray is slow
-  float16 sx, sy, sz;
-  bool alone;  // kz is each ray's longest axis, as in prepare(): triangles are hit as by single rays
+  PacketShear shear;  // see shear_packet()
 } Packet;
+
+// Along an axis in which no ray is slow.
+static ALWAYS_INLINE PacketShear shear_packet(const float16* d) {
+  const float x = least(fabs(d[0])), y = least(fabs(d[1])), z = least(fabs(d[2]));
+  PacketShear s;
+  s.kz = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+  s.kx = (s.kz + 1) % 3;
+  s.ky = (s.kz + 2) % 3;
+  s.sx = d[s.kx] / d[s.kz];
+  s.sy = d[s.ky] / d[s.kz];
+  s.sz = 1.0f / d[s.kz];
+  return s;
+}
+
+// Whether kz is every ray's own longest axis, as in prepare(): then every ray hits triangles as it does
+// alone.
+static ALWAYS_INLINE bool is_shear_of_each(const float16* d, uint kz) {
+  const float16 x = fabs(d[0]), y = fabs(d[1]), z = fabs(d[2]);
+  return lane_bits16(kz == 0   ? (x >= y) & (x >= z)
+                     : kz == 1 ? (y > x) & (y >= z)
+                               : (z > x) & (z > y)) == ALL_LANES;
+}
 
 static ALWAYS_INLINE uint open_packet(__global const WideNode* node, const Packet* p, float limit,
                                       uint* stack, float* stack_t, uint* depth) {
@@ -52,20 +78,16 @@ static inline void square_directions(const CameraRays* camera, uint left, uint t
   for (int i = 0; i < 3; ++i) d[i] = d[i] * scale;
 }
 
-static inline void prepare_bounds(Packet* p, const BvhRoot* scene) {
-  const float16 longest = max(fabs(p->d[0]), max(fabs(p->d[1]), fabs(p->d[2])));
+static ALWAYS_INLINE void prepare_bounds(Packet* p, const BvhRoot* scene) {
   const float margin = error_bound(p->origin, scene);
   PacketBounds* b = &p->bounds;
   b->tmin = 0.0f;
   for (uint axis = 0; axis < 3; ++axis) {
-    const float16 d = p->d[axis];
-    const uint back = lane_bits16(d < 0.0f);
-    const float16 inverse = 1.0f / d;
+    const float lo = least(p->d[axis]), hi = greatest(p->d[axis]);
     // Signs differ, or a ray is nearly parallel to the planes.
-    const bool mixed =
-        (back != 0 && back != ALL_LANES) || lane_bits16(fabs(d) > 1e-18f * longest) != ALL_LANES;
-    b->inverse[axis][0] = mixed ? 0.0f : least(inverse);
-    b->inverse[axis][1] = mixed ? 0.0f : greatest(inverse);
+    const bool mixed = lo <= 1e-18f && hi >= -1e-18f, back = lo < 0.0f;
+    b->inverse[axis][0] = mixed ? 0.0f : 1.0f / hi;
+    b->inverse[axis][1] = mixed ? 0.0f : 1.0f / lo;
     b->near_row[axis] = back ? axis + 3 : axis;
     b->far_row[axis] = back ? axis : axis + 3;
     const float outwards = back ? -margin : margin;
@@ -77,24 +99,11 @@ static inline void prepare_bounds(Packet* p, const BvhRoot* scene) {
 }
 
 // The rays of a square of 4 x 4 pixels. False where they can hit nothing.
-static bool prepare_packet(const CameraRays* camera, uint left, uint top, const BvhRoot* scene, Packet* p) {
+static ALWAYS_INLINE bool prepare_packet(const CameraRays* camera, uint left, uint top, const BvhRoot* scene,
+                                         Packet* p) {
   square_directions(camera, left, top, p->d);
-  for (uint axis = 0; axis < 3; ++axis) {
-    p->origin[axis] = camera->position[axis];
-    if (!isfinite(p->origin[axis])) return false;
-  }
-  const float16 x = fabs(p->d[0]), y = fabs(p->d[1]), z = fabs(p->d[2]);
-  const float slow_x = least(x), slow_y = least(y), slow_z = least(z);
-  p->kz = slow_x >= slow_y && slow_x >= slow_z ? 0 : slow_y >= slow_z ? 1 : 2;
-  p->alone = lane_bits16(p->kz == 0   ? (x >= y) & (x >= z)
-                         : p->kz == 1 ? (y > x) & (y >= z)
-                                      : (z > x) & (z > y)) == ALL_LANES;
-  p->kx = (p->kz + 1) % 3;
-  p->ky = (p->kz + 2) % 3;
-  p->sx = p->d[p->kx] / p->d[p->kz];
-  p->sy = p->d[p->ky] / p->d[p->kz];
-  p->sz = 1.0f / p->d[p->kz];
+  for (uint axis = 0; axis < 3; ++axis) p->origin[axis] = camera->position[axis];
   prepare_bounds(p, scene);
-  return true;
+  return isfinite(p->origin[0] + p->origin[1] + p->origin[2]);
 }
 #endif

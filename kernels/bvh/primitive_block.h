@@ -86,17 +86,17 @@ static ALWAYS_INLINE uint intersect_boxes_packet(__global const PrimitiveBlock* 
 
 // The arithmetic is intersect_block()'s, so the hits are, where the packet agrees in its longest axis.
 static ALWAYS_INLINE bool intersect_primitive_packet(__global const PrimitiveBlock* b, uint lane, uint at,
-                                                     const Packet* p, Found16* found) {
-  const float ox = p->origin[p->kx], oy = p->origin[p->ky], oz = p->origin[p->kz];
+                                                     const Packet* p, const PacketShear* s, Found16* found) {
+  const float ox = p->origin[s->kx], oy = p->origin[s->ky], oz = p->origin[s->kz];
 #define CORNER(i)                                                             \
   {                                                                           \
-    b->rows[p->kx + 3 * (i)][lane] - ox, b->rows[p->ky + 3 * (i)][lane] - oy, \
-        b->rows[p->kz + 3 * (i)][lane] - oz                                   \
+    b->rows[s->kx + 3 * (i)][lane] - ox, b->rows[s->ky + 3 * (i)][lane] - oy, \
+        b->rows[s->kz + 3 * (i)][lane] - oz                                   \
   }
   const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
 #undef CORNER
   float16 t, v, w, area;
-  const int16 inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &v, &w, &area);
+  const int16 inside = intersect_corners_packet(p0, p1, p2, s->sx, s->sy, s->sz, &t, &v, &w, &area);
   if (lane_bits16(inside) == 0) return false;
   const uint id = b->ids[lane];
   const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, id, found);
@@ -141,7 +141,7 @@ static ALWAYS_INLINE uint intersect_boxes_packet(__global const PrimitiveBlock* 
 }
 
 static ALWAYS_INLINE bool intersect_primitive_packet(__global const PrimitiveBlock* b, uint lane, uint at,
-                                                     const Packet* p, Found16* found) {
+                                                     const Packet* p, const PacketShear* s, Found16* found) {
   const float centre[3] = {b->rows[0][lane] - p->origin[0], b->rows[1][lane] - p->origin[1],
                            b->rows[2][lane] - p->origin[2]};
   const float normal[3] = {b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]};
@@ -156,12 +156,13 @@ static ALWAYS_INLINE bool intersect_primitive_packet(__global const PrimitiveBlo
 #endif
 
 static ALWAYS_INLINE bool intersect_block_packet(__global const PrimitiveBlock* blocks, uint block,
-                                                 const Packet* p, float limit, Found16* found) {
+                                                 const Packet* p, const PacketShear* s, float limit,
+                                                 Found16* found) {
   __global const PrimitiveBlock* b = blocks + block;
   bool taken = false;
   for (uint mask = intersect_boxes_packet(b, &p->bounds, limit); mask != 0; mask &= mask - 1) {
     const uint lane = lowest_bit(mask);
-    taken |= intersect_primitive_packet(b, lane, block * PRIMITIVE_BLOCK_WIDTH + lane, p, found);
+    taken |= intersect_primitive_packet(b, lane, block * PRIMITIVE_BLOCK_WIDTH + lane, p, s, found);
   }
   return taken;
 }

@@ -9,6 +9,7 @@
 #ifndef RBVH_RAY_QUERY_H
 #define RBVH_RAY_QUERY_H
 #include "kernels/bvh/bvh_layout.h"
+#include "kernels/common/lanes.h"
 #include "kernels/common/layout.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -43,6 +44,7 @@ typedef struct Query {
 // together less than this.
 static inline float error_bound(const float* origin, const BvhRoot* scene) {
   float farthest = 0.0f;
+#pragma unroll
   for (uint i = 0; i < 3; ++i) {
     const float o = origin[i];
     farthest = max(farthest, max(fabs(scene->lo[i] - o), fabs(scene->hi[i] - o)));
@@ -52,10 +54,11 @@ static inline float error_bound(const float* origin, const BvhRoot* scene) {
 }
 
 // False where the ray cannot hit anything: not finite, without a direction or an interval.
-static bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
+static ALWAYS_INLINE bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
   float longest = 0.0f;
   bool finite = ray->tmin <= ray->tmax;
   q->kz = 0;
+#pragma unroll
   for (uint i = 0; i < 3; ++i) {
     const float o = ray->origin[i], d = ray->direction[i];
     finite = finite && isfinite(o) && isfinite(d);
@@ -74,6 +77,7 @@ static bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
   q->sy = q->direction[q->ky] / q->direction[q->kz];
   q->sz = 1.0f / q->direction[q->kz];
   const float margin = error_bound(q->origin, scene);
+#pragma unroll
   for (uint i = 0; i < 3; ++i) {
     const float d = q->direction[i];
     const float parallel_limit = 1e-18f * longest;

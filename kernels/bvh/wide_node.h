@@ -5,11 +5,13 @@
 #include "kernels/bvh/ray_query.h"
 #include "kernels/common/lanes.h"
 
+// Multiply-adds may be fused in the box tests: they round less then, and the error bound holds.
+#pragma OPENCL FP_CONTRACT ON
+
 // Children that the ray enters between tmin and `limit`, as bits; where in `entry`.
 static ALWAYS_INLINE uint intersect_children(__global const WideNode* node, const Query* q, float limit,
                                              float16* entry) {
-#define PLANES(row, i, offset) \
-  mad(vload16(0, node->planes[q->row[i]]), (float16)(q->inverse[i]), (float16)(q->offset[i]))
+#define PLANES(row, i, offset) (vload16(0, node->planes[q->row[i]]) * q->inverse[i] + q->offset[i])
   const float16 enter = max(max(PLANES(near_row, 0, near_offset), PLANES(near_row, 1, near_offset)),
                             max(PLANES(near_row, 2, near_offset), (float16)(q->tmin)));
   const float16 leave = min(min(PLANES(far_row, 0, far_offset), PLANES(far_row, 1, far_offset)),
@@ -30,13 +32,13 @@ typedef struct PacketBounds {
 
 // Where the bounds of a packet enter boxes at the earliest, and leave them at the latest. F: the boxes'
 // vector type; LOAD(row): a row of their planes; inverse, near, far: as in PacketBounds.
-#define PACKET_INTERVAL(F, LOAD, bounds, inverse, near, far, enter, leave)             \
-  for (uint axis = 0; axis < 3; ++axis) {                                              \
-    const F from = LOAD((bounds)->near_row[axis]), to = LOAD((bounds)->far_row[axis]); \
-    enter = max(enter, min(mad(from, (F)((inverse)[axis][0]), (F)((near)[axis][0])),   \
-                           mad(from, (F)((inverse)[axis][1]), (F)((near)[axis][1])))); \
-    leave = min(leave, max(mad(to, (F)((inverse)[axis][0]), (F)((far)[axis][0])),      \
-                           mad(to, (F)((inverse)[axis][1]), (F)((far)[axis][1]))));    \
+#define PACKET_INTERVAL(F, LOAD, bounds, inverse, near, far, enter, leave)                                   \
+  for (uint axis = 0; axis < 3; ++axis) {                                                                    \
+    const F from = LOAD((bounds)->near_row[axis]), to = LOAD((bounds)->far_row[axis]);                       \
+    enter = max(enter, min(from * (inverse)[axis][0] + (near)[axis][0],                                      \
+                           from * (inverse)[axis][1] + (near)[axis][1]));                                    \
+    leave =                                                                                                  \
+        min(leave, max(to * (inverse)[axis][0] + (far)[axis][0], to * (inverse)[axis][1] + (far)[axis][1])); \
   }
 
 // Children that any of the packet's rays may enter before `limit`, as bits; `entry`: not before it.
@@ -49,6 +51,8 @@ static ALWAYS_INLINE uint intersect_children_packet(__global const WideNode* nod
   *entry = enter;
   return lane_bits16(enter <= leave);
 }
+
+#pragma OPENCL FP_CONTRACT OFF
 
 // Takes the nearest of the children in `mask` (not 0), puts the others on the stack, farthest first. Lane i's
 // child is children[i] or, without `children`, base + i.

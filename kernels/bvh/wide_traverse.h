@@ -15,28 +15,28 @@
 //   uint OPEN(node, rays, limit, stack, stack_t, depth): as open_node();
 //   bool LEAF(tree, leaf, rays, any, found, visited): true where it found something nearer;
 //   float LIMIT(found): how far the rays still go.
-#define DEFINE_TRAVERSE(NAME, TREE, RAYS, FOUND, OPEN, LEAF, LIMIT)               \
-  static uint2 NAME(const TREE* tree, const RAYS* rays, uint any, FOUND* found) { \
-    uint stack[STACK];                                                            \
-    float stack_t[STACK];                                                         \
-    uint depth = 0, current = tree->scene->root;                                  \
-    uint2 visited = (uint2)(0u);                                                  \
-    float limit = LIMIT(found);                                                   \
-    while (true) {                                                                \
-      uint next = 0; /* the nearest child; 0 is the root and no child */          \
-      if (current & BVH_LEAF_BIT) {                                               \
-        if (LEAF(tree, current & ~BVH_LEAF_BIT, rays, any, found, &visited)) {    \
-          if (any) return visited;                                                \
-          limit = LIMIT(found);                                                   \
-        }                                                                         \
-      } else {                                                                    \
-        ++visited.x;                                                              \
-        if (!IN_BOUNDS(tree->bounds, NODES, current, 1)) return visited;          \
-        next = OPEN(tree->nodes + current, rays, limit, stack, stack_t, &depth);  \
-      }                                                                           \
-      if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);            \
-      if (next == 0) return visited;                                              \
-      current = next;                                                             \
-    }                                                                             \
+#define DEFINE_TRAVERSE(NAME, TREE, RAYS, FOUND, OPEN, LEAF, LIMIT)                             \
+  static ALWAYS_INLINE uint2 NAME(const TREE* tree, const RAYS* rays, uint any, FOUND* found) { \
+    uint stack[STACK];                                                                          \
+    float stack_t[STACK];                                                                       \
+    uint depth = 0, current = tree->scene->root;                                                \
+    uint2 visited = (uint2)(0u);                                                                \
+    float limit = LIMIT(found);                                                                 \
+    do {                                                                                        \
+      while (!(current & BVH_LEAF_BIT)) {                                                       \
+        ++visited.x;                                                                            \
+        if (!IN_BOUNDS(tree->bounds, NODES, current, 1)) return visited;                        \
+        current = OPEN(tree->nodes + current, rays, limit, stack, stack_t, &depth);             \
+        if (current == 0) break; /* the root, and no child */                                   \
+      }                                                                                         \
+      if (current != 0) {                                                                       \
+        if (LEAF(tree, current & ~BVH_LEAF_BIT, rays, any, found, &visited)) {                  \
+          if (any) return visited;                                                              \
+          limit = LIMIT(found);                                                                 \
+        }                                                                                       \
+      }                                                                                         \
+      current = pop_nearer(stack, stack_t, &depth, limit);                                      \
+    } while (current != 0);                                                                     \
+    return visited;                                                                             \
   }
 #endif

@@ -2,7 +2,7 @@
 // what entries.h asks for and  float3 unit_normal(primitives, at).
 #include "kernels/common/no_hit.h"
 
-static inline Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
+static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
   Hit hit = no_hit();
   if (found->id != RBVH_NO_LEAF) {
     const float3 n = unit_normal(tree->primitives, found->at);

@@ -30,16 +30,19 @@ DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_leaf, limit_o
 static ALWAYS_INLINE bool intersect_leaf_packet(const Tree* tree, uint block, const Packet* p, uint any,
                                                 Found16* found, uint2* visited) {
   ++visited->y;
-  return intersect_block_packet(tree->primitives, block, p, limit_of_packet(found), found);
+  return intersect_block_packet(tree->primitives, block, p, &p->shear, limit_of_packet(found), found);
 }
 
 DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_leaf_packet, limit_of_packet)
 
 // So that every ray finds what it finds alone.
-static inline bool takes_packet(const Packet* p) { return p->alone; }
+static ALWAYS_INLINE bool takes_packet(Packet* p) {
+  p->shear = shear_packet(p->d);
+  return is_shear_of_each(p->d, p->shear.kz);
+}
 
 // make_hit() for 16 rays.
-static inline void make_hits(const Tree* tree, const Found16* found, const Packet* p, Hit* hits) {
+static ALWAYS_INLINE void make_hits(const Tree* tree, const Found16* found, const Packet* p, Hit* hits) {
   __global const PrimitiveBlock* blocks = tree->primitives;
   const float16* d = p->d;
   float corners[9][16], t[16], u[16], v[16], normal[3][16];

@@ -10,7 +10,7 @@
 
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
-#include "pipeline/bvh/flatten_wide16.h"
+#include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/device/radix_sort.h"
 #include "pipeline/trace/patch_cache.h"
 
@@ -148,7 +148,7 @@ std::size_t queue_items(const Device& device, std::size_t jobs) {
 }
 
 /// The hierarchy goes behind `all`.
-void append_nodes(std::vector<WideNode>& all, Wide16Nodes& wide) {
+void append_nodes(std::vector<WideNode>& all, WideBvh& wide) {
   const auto base = static_cast<std::uint32_t>(all.size());
   const auto relinked = [&](std::uint32_t child) { return child & BVH_LEAF_BIT ? child : child + base; };
   for (WideNode& node : wide.nodes) {
@@ -582,7 +582,7 @@ PatchTracer make_patch_tracer(const Device& device, std::span<const Proxy* const
       const Patch& p = state.patches[part.first_patch + i];
       boxes[i] = {{p.lo[0], p.lo[1], p.lo[2]}, {p.hi[0], p.hi[1], p.hi[2]}};
     }
-    Wide16Nodes wide = build_wide16_over(boxes);
+    WideBvh wide = build_wide_bvh(boxes);
     append_nodes(middle_nodes, wide);
     part.scene = wide.scene;
     stack = std::max(stack, wide.stack);
@@ -613,7 +613,7 @@ PatchTracer make_patch_tracer(const Device& device, std::span<const Proxy* const
     padded.add(static_cast<Vec3f>(image.hi + Vec3d{pad, pad, pad}));
     boxes.push_back(padded);
   }
-  Wide16Nodes wide = build_wide16_over(boxes);
+  WideBvh wide = build_wide_bvh(boxes);
   append_nodes(top_nodes, wide);
   state.top = wide.scene;
   stack = std::max(stack, wide.stack);
