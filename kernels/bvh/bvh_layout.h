@@ -1,7 +1,7 @@
-// What the exact traversals walk, each drawn in its own kernel file; host and kernel share it byte for byte
-// like layout.h.
-#ifndef RBVH_EXACT_LAYOUT_H
-#define RBVH_EXACT_LAYOUT_H
+// What the traversals read, each drawn in its own kernel file; host and kernel share it byte for byte like
+// layout.h.
+#ifndef RBVH_BVH_LAYOUT_H
+#define RBVH_BVH_LAYOUT_H
 
 #include "kernels/common/layout.h"
 
@@ -13,11 +13,9 @@ namespace rbvh {
 #define PRIMITIVE_BLOCK_WIDTH 8
 #define BVH_LEAF_BIT 0x80000000u  // a child with it is a leaf, without it a node
 
-// --- wide16
-// ---------------------------------------------------------------------------------------------------------
+// --- wide hierarchies: wide16, tiles, patches
 // Boxes of up to 16 children, one row a plane: lo x y z, hi x y z. An unused slot is a box far away without
-// extent, and its child is block 0, in which nothing can be hit: an inverted box would pass a slab test whose
-// rows are swapped.
+// extent: an inverted box would pass a slab test whose rows are swapped. Its child is leaf 0.
 typedef struct WideNode {
   float planes[6][WIDE_NODE_WIDTH];
   rbvh_u32 children[WIDE_NODE_WIDTH];
@@ -25,7 +23,7 @@ typedef struct WideNode {
 RBVH_LAYOUT_SIZE(WideNode, 448);
 
 // Up to 8 triangles (vertices a, b, c: nine rows) or discs (centre, unit normal, radius: seven rows), and
-// their indices in the scan. Unused lanes are NaN. Block 0 has unused lanes only.
+// their indices in the scan, or of a tile whose primitives they are. Unused lanes are NaN.
 typedef struct PrimitiveBlock {
   float rows[9][PRIMITIVE_BLOCK_WIDTH];
   rbvh_u32 ids[PRIMITIVE_BLOCK_WIDTH];
@@ -33,8 +31,7 @@ typedef struct PrimitiveBlock {
 RBVH_LAYOUT_SIZE(PrimitiveBlock, 320);
 
 // --- bvh-stack, bvh-trail, bvh-parent
-// ------------------------------------------------------------------------------- A triangle that is met
-// alone. In a BVH a leaf's triangles lie one behind the other, the last one marked.
+// A triangle that is tested alone. In a BVH a leaf's triangles lie one behind the other, the last one marked.
 typedef struct BvhTriangle {
   float a[3];
   rbvh_u32 id;  // in the scan
@@ -66,7 +63,6 @@ typedef struct ParentNode {
 RBVH_LAYOUT_SIZE(ParentNode, 32);
 
 // --- kd-stack, kd-pushdown, kd-backtrack
-// ----------------------------------------------------------------------------
 #define KD_LEAF 3u  // for an axis
 
 // Inner: a plane, and two children one behind the other. Leaf: references.
@@ -88,7 +84,6 @@ typedef struct KdCellNode {
 RBVH_LAYOUT_SIZE(KdCellNode, 40);
 
 // --- all
-// ------------------------------------------------------------------------------------------------------------
 // What all rays need: the bounds of everything, and where to start.
 typedef struct BvhRoot {
   float lo[3];

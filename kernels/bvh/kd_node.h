@@ -5,7 +5,7 @@
 #ifndef RBVH_EXACT_KD_H
 #define RBVH_EXACT_KD_H
 #include "kernels/bvh/box.h"
-#include "kernels/bvh/triangle.h"
+#include "kernels/bvh/bvh_triangle.h"
 
 // The part of the ray inside everything.
 static inline float2 scene_interval(const BvhRoot* scene, const Query* q) {

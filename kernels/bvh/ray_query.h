@@ -1,13 +1,15 @@
-// What every exact traversal begins with: the ray, prepared, and the nearest hit so far.
+// What every traversal begins with: the prepared ray, and the nearest hit so far.
 //
-// Triangles are met by Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013: every vertex
-// is moved into the ray's own space by arithmetic that depends on nothing but the vertex and the ray, so two
-// triangles that share an edge see the same edge; a sign that float cannot tell is found in double. Planes
-// and boxes are met with the origin moved by an error bound, so that nothing is missed whose triangle the
-// test would accept. Hence all traversals find the same hits, to the last bit.
-#ifndef RBVH_EXACT_QUERY_H
-#define RBVH_EXACT_QUERY_H
+// Planes and boxes are tested with the origin moved by an error bound, so that no box is missed whose
+// triangle the watertight test (triangle.h) would accept. Hence all traversals find the same hits, to the
+// last bit.
+//
+// The rule for every hit: it counts where tmin <= t <= tmax, and of equally near ones the lowest index wins,
+// so that the result does not depend on the hierarchy or on the order of the traversal.
+#ifndef RBVH_RAY_QUERY_H
+#define RBVH_RAY_QUERY_H
 #include "kernels/bvh/bvh_layout.h"
+#include "kernels/common/lanes.h"
 #include "kernels/common/layout.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -19,11 +21,13 @@
 typedef struct Found {
   float t;
   float u, v;
-  uint id;  // in the scan; RBVH_NO_LEAF: nothing
-  uint at;  // among the primitives
+  uint id;  // of the primitive or tile; RBVH_NO_LEAF: nothing
+  uint at;  // where the primitive lies
 } Found;
 
-// A ray, prepared.
+static inline float limit_of(const Found* found) { return found->t; }
+
+// A prepared ray.
 typedef struct Query {
   float origin[3], direction[3];
   float tmin;
@@ -35,24 +39,26 @@ typedef struct Query {
   uint near_row[3], far_row[3];  // of planes in the order lo x y z, hi x y z
 } Query;
 
-// How far a box must be met beside where it is, for rays from `origin`. Rounding in the triangle test moves
-// things by at most 5 * 2^-24 of the distances along two axes, rounding in the box test by 3 * 2^-24 of the
-// coordinates: together less than this.
+// By how much boxes are widened for rays from `origin`. Rounding in the triangle test moves vertices by at
+// most 5 * 2^-24 of the distances along two axes, rounding in the box test by 3 * 2^-24 of the coordinates:
+// together less than this.
 static inline float error_bound(const float* origin, const BvhRoot* scene) {
-  float reach = 0.0f;
+  float farthest = 0.0f;
+#pragma unroll
   for (uint i = 0; i < 3; ++i) {
     const float o = origin[i];
-    reach = max(reach, max(fabs(scene->lo[i] - o), fabs(scene->hi[i] - o)));
-    reach = max(reach, fabs(o));
+    farthest = max(farthest, max(fabs(scene->lo[i] - o), fabs(scene->hi[i] - o)));
+    farthest = max(farthest, fabs(o));
   }
-  return 1.2e-6f * reach;
+  return 1.2e-6f * farthest;
 }
 
 // False where the ray cannot hit anything: not finite, without a direction or an interval.
-static bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
+static ALWAYS_INLINE bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
   float longest = 0.0f;
   bool finite = ray->tmin <= ray->tmax;
   q->kz = 0;
+#pragma unroll
   for (uint i = 0; i < 3; ++i) {
     const float o = ray->origin[i], d = ray->direction[i];
     finite = finite && isfinite(o) && isfinite(d);
@@ -71,11 +77,12 @@ static bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
   q->sy = q->direction[q->ky] / q->direction[q->kz];
   q->sz = 1.0f / q->direction[q->kz];
   const float margin = error_bound(q->origin, scene);
+#pragma unroll
   for (uint i = 0; i < 3; ++i) {
     const float d = q->direction[i];
     const float parallel_limit = 1e-18f * longest;
-    // A ray parallel to a slab: its planes are crossed nowhere near, before or behind the origin as the
-    // margin decides.
+    // A ray parallel to a slab crosses its planes far away, before or behind the origin as the margin
+    // decides.
     const float inverse = fabs(d) > parallel_limit ? 1.0f / d : copysign(1e18f / longest, d);
     const float outwards = copysign(margin, inverse);
     q->inverse[i] = inverse;
@@ -87,8 +94,7 @@ static bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
   return true;
 }
 
-// Whether a primitive at t is to take the place of what was found: of equally near ones the lowest index
-// wins, so that the result does not depend on the hierarchy.
+// The tie rule (see above).
 static inline bool is_nearer(float t, uint id, const Found* found) {
   return t < found->t || (t == found->t && id < found->id);
 }

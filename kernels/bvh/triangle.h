@@ -1,57 +1,53 @@
-// One triangle met by one ray (exact_query.h says how), and the leaves of the traversals that meet them one
-// by one.
-#ifndef RBVH_EXACT_TRIANGLE_H
-#define RBVH_EXACT_TRIANGLE_H
+// The triangle test: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", JCGT 2013. Every vertex is
+// moved into the ray's own space by arithmetic that depends on nothing but the vertex and the ray, so two
+// triangles that share an edge see the same edge; a sign that float cannot tell is found in double.
+#ifndef RBVH_TRIANGLE_H
+#define RBVH_TRIANGLE_H
 #include "kernels/bvh/ray_query.h"
+#include "kernels/common/lanes.h"
 
-// True where the triangle takes the place of what was found. U, V, W: twice the signed areas of the
-// triangle's parts opposite a, b and c, seen along the ray.
-static inline bool intersect_triangle(__global const BvhTriangle* triangles, uint at, const Query* q,
-                                      Found* found) {
-  __global const BvhTriangle* p = triangles + at;
-  const float ox = q->origin[q->kx], oy = q->origin[q->ky], oz = q->origin[q->kz];
-  const float az = p->a[q->kz] - oz, bz = p->b[q->kz] - oz, cz = p->c[q->kz] - oz;
-  const float ax = (p->a[q->kx] - ox) - q->sx * az, ay = (p->a[q->ky] - oy) - q->sy * az;
-  const float bx = (p->b[q->kx] - ox) - q->sx * bz, by = (p->b[q->ky] - oy) - q->sy * bz;
-  const float cx = (p->c[q->kx] - ox) - q->sx * cz, cy = (p->c[q->ky] - oy) - q->sy * cz;
-  float u = cx * by - cy * bx;
-  float v = ax * cy - ay * cx;
-  float w = bx * ay - by * ax;
 #ifdef cl_khr_fp64
-  if (u == 0.0f || v == 0.0f || w == 0.0f) {
-    // Products of floats are exact in double: now a zero is a zero.
-    u = (float)((double)cx * (double)by - (double)cy * (double)bx);
-    v = (float)((double)ax * (double)cy - (double)ay * (double)cx);
-    w = (float)((double)bx * (double)ay - (double)by * (double)ax);
+// Products of floats are exact in double: now a zero is a zero. Only in lanes where there was one, or hits
+// would depend on who else is tested.
+#define RESOLVE_ZEROS(F, I, N, LANES)                                                                      \
+  const I unsure = (u == 0.0f) | (v == 0.0f) | (w == 0.0f);                                                \
+  if (lane_bits##LANES(unsure)) {                                                                          \
+    const double##N dax = convert_double##N(ax), day = convert_double##N(ay), dbx = convert_double##N(bx), \
+                    dby = convert_double##N(by), dcx = convert_double##N(cx), dcy = convert_double##N(cy); \
+    u = select(u, convert_float##N(dcx * dby - dcy * dbx), unsure);                                        \
+    v = select(v, convert_float##N(dax * dcy - day * dcx), unsure);                                        \
+    w = select(w, convert_float##N(dbx * day - dby * dax), unsure);                                        \
   }
+#else
+#define RESOLVE_ZEROS(F, I, N, LANES)
 #endif
-  if ((u < 0.0f || v < 0.0f || w < 0.0f) && (u > 0.0f || v > 0.0f || w > 0.0f)) return false;
-  const float area = u + v + w;
-  if (area == 0.0f) return false;
-  const float t = (u * (q->sz * az) + v * (q->sz * bz) + w * (q->sz * cz)) / area;
-  if (!(t >= q->tmin && t <= found->t) || !is_nearer(t, p->id, found)) return false;
-  *found = (Found){t, v / area, w / area, p->id, at};
-  return true;
-}
 
-// A BVH's leaf: triangles from `at` to the next one marked as the last. True where one was taken.
-static inline bool intersect_triangles(__global const BvhTriangle* triangles, uint at, const Query* q,
-                                       uint any, Found* found, uint2* visited) {
-  bool taken = false;
-  for (bool last = false; !last; ++at) {
-    ++visited->y;
-    last = triangles[at].is_last != 0;
-    if (intersect_triangle(triangles, at, q, found)) {
-      taken = true;
-      if (any) break;
-    }
+// Defines  I NAME(a, b, c, sx, sy, sz, t, v, w, area): the lanes in which the line hits the triangle, at t,
+// with v / area and w / area as the weights of b and c. a, b, c: the corners seen from the origin, along kx,
+// ky, kz. u, v, w: twice the signed areas of the triangle's parts opposite a, b and c, seen along the ray. P:
+// a corner's type, D: a ray's, F: the wider of the two; I, N, LANES: F's comparison, suffix and lanes.
+#define DEFINE_INTERSECT_TRIANGLE(NAME, P, D, F, I, N, LANES)                                       \
+  static ALWAYS_INLINE I NAME(const P* a, const P* b, const P* c, D sx, D sy, D sz, F* t, F* v_out, \
+                              F* w_out, F* area_out) {                                              \
+    const F ax = a[0] - sx * a[2], ay = a[1] - sy * a[2];                                           \
+    const F bx = b[0] - sx * b[2], by = b[1] - sy * b[2];                                           \
+    const F cx = c[0] - sx * c[2], cy = c[1] - sy * c[2];                                           \
+    F u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;                          \
+    RESOLVE_ZEROS(F, I, N, LANES)                                                                   \
+    const F area = u + v + w;                                                                       \
+    const I inside =                                                                                \
+        (((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f))) &   \
+        (area != 0.0f);                                                                             \
+    if (lane_bits##LANES(inside) == 0) return inside;                                               \
+    *t = (u * (sz * a[2]) + v * (sz * b[2]) + w * (sz * c[2])) / area;                              \
+    *v_out = v;                                                                                     \
+    *w_out = w;                                                                                     \
+    *area_out = area;                                                                               \
+    return inside;                                                                                  \
   }
-  return taken;
-}
 
-static inline float3 unit_normal(__global const BvhTriangle* triangles, uint at) {
-  __global const BvhTriangle* p = triangles + at;
-  return triangle_normal((float3)(p->a[0], p->a[1], p->a[2]), (float3)(p->b[0], p->b[1], p->b[2]),
-                         (float3)(p->c[0], p->c[1], p->c[2]));
-}
+DEFINE_INTERSECT_TRIANGLE(intersect_corners, float, float, float, int, , 1)       // 1 ray, 1 triangle
+DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, int8, 8, 8)  // 1 ray, 8 triangles
+DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, int16, 16,
+                          16)  // 16 rays, 1 triangle
 #endif

@@ -1,7 +1,14 @@
-// A comparison's lanes as bits, lane 0 lowest, sixteen scattered numbers, the greatest lane. OpenCL C has no
-// words for them; where the compiler is clang for AVX-512 (PoCL), its own words are one instruction each.
+// Vector operations that OpenCL C lacks: a comparison's lanes as bits (lane 0 lowest), a gather, the least
+// and the greatest lane. Where the compiler is clang for AVX-512 (PoCL), its built-ins are one instruction
+// each.
 #ifndef RBVH_LANES_H
 #define RBVH_LANES_H
+
+// PoCL's compiler passes vectors of 16 through memory where it does not inline.
+#define ALWAYS_INLINE inline __attribute__((always_inline))
+
+// A scalar comparison is one lane.
+static inline uint lane_bits1(int lane) { return lane != 0 ? 1u : 0u; }
 
 #if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
 static inline uint lane_bits8(int8 lanes) { return (uchar)__builtin_ia32_cvtd2mask256(lanes); }
@@ -46,6 +53,13 @@ static inline float greatest(float16 v) {
   const float4 v4 = max(v8.lo, v8.hi);
   const float2 v2 = max(v4.lo, v4.hi);
   return max(v2.x, v2.y);
+}
+
+static inline float least(float16 v) {
+  const float8 v8 = min(v.lo, v.hi);
+  const float4 v4 = min(v8.lo, v8.hi);
+  const float2 v2 = min(v4.lo, v4.hi);
+  return min(v2.x, v2.y);
 }
 
 static inline uint lowest_bit(uint mask) { return 31u - clz(mask & (0u - mask)); }

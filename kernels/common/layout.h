@@ -98,17 +98,11 @@ typedef struct RbvhPrimitive {
 } RbvhPrimitive;
 RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
-#define RBVH_CHUNK 8  // primitives that are tested at once
+#define RBVH_CHUNK 8  // exact primitives of a leaf that are tested at once: PRIMITIVE_BLOCK_WIDTH
 
-// Primitives of a leaf for tracing, side by side; where there are fewer, NaN.
-typedef struct RbvhChunk {
-  float shape[9][RBVH_CHUNK];  // RbvhPrimitive.shape
-} RbvhChunk;
-RBVH_LAYOUT_SIZE(RbvhChunk, 288);
+#define RBVH_NO_BLOCK 0xffffffffu
 
-#define RBVH_NO_CHUNK 0xffffffffu
-
-// A tile for tracing; of a leaf of exact primitives one for each chunk of them.
+// A tile for tracing; of a leaf of exact primitives one for each block of them.
 typedef struct RbvhTile {
   float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
   rbvh_u32 offset;    // its first texel in the heights; they lie row by row
@@ -117,7 +111,7 @@ typedef struct RbvhTile {
   float top;           // the largest height
   float lo[3], hi[3];  // the leaf's box: texels past it are for interpolation, not to be hit
   rbvh_u32 leaf;       // whose tile it is
-  rbvh_u32 chunk;      // of primitives that stand for the heights; RBVH_NO_CHUNK: none
+  rbvh_u32 block;      // of exact primitives in place of the heights; RBVH_NO_BLOCK: none
 } RbvhTile;
 RBVH_LAYOUT_SIZE(RbvhTile, 96);
 

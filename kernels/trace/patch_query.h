@@ -7,9 +7,6 @@
 #include "kernels/trace/patch_surface.h"
 #include "kernels/bvh/wide_node.h"
 
-// PoCL passes vectors of 16 through memory unless their function is inlined.
-#define ALWAYS_INLINE inline __attribute__((always_inline))
-
 // The nearest hit so far.
 typedef struct PatchFound {
   float t;

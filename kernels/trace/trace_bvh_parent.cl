@@ -9,7 +9,7 @@
 //   down: leaf (bit 31), axis that parts the children (29, 30), first child or first triangle
 //   up:   axis that parts it from its sibling (bits 29, 30), parent
 #include "kernels/bvh/box.h"
-#include "kernels/bvh/triangle.h"
+#include "kernels/bvh/bvh_triangle.h"
 
 #define NODE ParentNode
 #define PRIMITIVE BvhTriangle

@@ -8,7 +8,7 @@
 //
 // STACK: entries that any ray can need.
 #include "kernels/bvh/node_pair.h"
-#include "kernels/bvh/triangle.h"
+#include "kernels/bvh/bvh_triangle.h"
 
 #define NODE NodePair
 #define PRIMITIVE BvhTriangle

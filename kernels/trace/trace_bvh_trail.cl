@@ -15,7 +15,7 @@
 //
 // TRAIL_WORDS: 64 bits each; 1 for trees of up to 64 levels, else 2.
 #include "kernels/bvh/node_pair.h"
-#include "kernels/bvh/triangle.h"
+#include "kernels/bvh/bvh_triangle.h"
 
 #define NODE NodePair
 #define PRIMITIVE BvhTriangle

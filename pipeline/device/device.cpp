@@ -134,7 +134,7 @@ bool wants_bounds_checked() {
 struct BoundsRecord {
   std::vector<cl_ulong> words;  ///< kHeader of a fault, then the bytes of each argument; empty: takes no part
   cl::Buffer buffer;
-  static constexpr std::size_t kHeader = 3;
+  static constexpr std::size_t kHeader = 3 + 8;  ///< line, element, elements, the file's name
 };
 
 BoundsRecord make_bounds_record(const KernelState& state,
@@ -160,7 +160,7 @@ void throw_if_out_of_bounds(const KernelState& state, BoundsRecord& record) {
   state.device->queue.enqueueReadBuffer(record.buffer, CL_TRUE, 0, BoundsRecord::kHeader * sizeof *words,
                                         words);
   if (words[0] == 0) return;
-  throw Error(ErrorKind::kFailure, "kernels/" + state.program.substr(0, state.program.find(' ')),
+  throw Error(ErrorKind::kFailure, reinterpret_cast<const char*>(words + 3),
               "line " + std::to_string(words[0]) + ": " + state.entry + " reads element " +
                   std::to_string(words[1]) + " of " + std::to_string(words[2]) + "; please report this");
 }

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "pipeline/base/error.h"
-#include "pipeline/bvh/flatten_wide16.h"
+#include "pipeline/bvh/wide_bvh.h"
 
 namespace rbvh {
 namespace {
@@ -86,7 +86,7 @@ std::uint32_t relinked(std::uint32_t child, std::uint32_t base) {
 }
 
 /// Puts a hierarchy behind `all`.
-void append_nodes(std::vector<WideNode>& all, Wide16Nodes& wide) {
+void append_nodes(std::vector<WideNode>& all, WideBvh& wide) {
   const auto base = static_cast<std::uint32_t>(all.size());
   for (WideNode& node : wide.nodes) {
     for (std::uint32_t& child : node.children) child = relinked(child, base);
@@ -104,7 +104,7 @@ std::vector<WideNode> build_mesh_nodes(PatchScene& scene) {
       const Patch& p = scene.patches[mesh.first_patch + i];
       boxes[i] = {{p.lo[0], p.lo[1], p.lo[2]}, {p.hi[0], p.hi[1], p.hi[2]}};
     }
-    Wide16Nodes wide = build_wide16_over(boxes);
+    WideBvh wide = build_wide_bvh(boxes);
     append_nodes(nodes, wide);
     mesh.root = wide.scene;
     scene.stack = std::max(scene.stack, wide.stack);
@@ -160,7 +160,7 @@ PatchScene upload_patches(const Device& device, std::span<const Proxy* const> pr
   std::vector<Bounds3f> boxes;
   for (const ProxyInstance& instance : instances)
     if (scene.meshes.at(instance.proxy).patches > 0) boxes.push_back(add_instance(scene, instance));
-  Wide16Nodes wide = build_wide16_over(boxes);
+  WideBvh wide = build_wide_bvh(boxes);
   scene.top = wide.scene;
   scene.stack = std::max(scene.stack, wide.stack);
   // The top hierarchy's nodes come first.

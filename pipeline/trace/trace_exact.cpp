@@ -10,9 +10,9 @@
 #include "pipeline/bvh/build_exact.h"
 #include "pipeline/bvh/flatten_bvh.h"
 #include "pipeline/bvh/flatten_kd.h"
-#include "pipeline/bvh/flatten_wide16.h"
 #include "pipeline/bvh/kd_tree.h"
 #include "pipeline/bvh/primitive_bounds.h"
+#include "pipeline/bvh/wide_bvh.h"
 
 namespace rbvh {
 namespace {
@@ -59,12 +59,14 @@ void make_from_bvh(ExactTracer& tracer, const Scan& scan, const ExactConfig& con
   watch.lap();
   switch (config.traversal) {
     case ExactTraversal::kWide16: {
-      const Wide16Layout layout = flatten_wide16(bvh, scan);
+      std::vector<std::uint32_t> leaves;
+      const WideBvh layout = widen(bvh, leaves);
+      const std::vector<PrimitiveBlock> blocks = make_blocks(bvh, leaves, scan);
       tracer.options = stack_option(layout.stack, 128) + (scan.is_cloud() ? " -DDISCS" : "");
       // A GPU's work-items have no room for 16 rays.
       if (!scan.is_cloud() && tracer.device.info().is_cpu)
         tracer.packet_pixels = scan.triangles.size() / kPacketTriangles + 1;
-      return upload_layout(tracer, layout, layout.blocks, watch, times);
+      return upload_layout(tracer, layout, blocks, watch, times);
     }
     case ExactTraversal::kBvhStack:
     case ExactTraversal::kBvhTrail: {

@@ -6,7 +6,7 @@
 
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
-#include "pipeline/bvh/flatten_wide16.h"
+#include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/trace/ray_queue.h"
 
 namespace rbvh {
@@ -185,7 +185,7 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
     std::vector<Bounds3f> placed_boxes;
     for (const ScenePlacement& p : placements)
       placed_boxes.push_back({{p.lo[0], p.lo[1], p.lo[2]}, {p.hi[0], p.hi[1], p.hi[2]}});
-    const Wide16Nodes wide = build_wide16_over(placed_boxes);
+    const WideBvh wide = build_wide_bvh(placed_boxes);
     state.placed = placements.size();
     state.top = wide.scene;
     state.nodes = {device, wide.nodes};

@@ -2,32 +2,33 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numeric>
 #include <span>
 
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/top_tree.h"
-#include "pipeline/bvh/wide_nodes.h"
+#include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/rbvh/tile.h"
 
 namespace rbvh {
 namespace {
 
-constexpr std::uint32_t kStack = 192;    ///< entries of the kernels' traversal stacks
-constexpr float kChunkPadTexels = 0.1f;  ///< rounding must not lose a flat one
+constexpr std::uint32_t kStackStep = 64;  ///< few stack sizes, as each is a kernel of its own
 
-std::string options() { return "-DRBVH_STACK=" + std::to_string(kStack); }
-
-/// At most RBVH_CHUNK primitives, side by side.
-RbvhChunk make_chunk(std::span<const RbvhPrimitive> primitives) {
-  RbvhChunk chunk;
-  std::fill_n(&chunk.shape[0][0], 9 * RBVH_CHUNK, std::numeric_limits<float>::quiet_NaN());
-  for (std::size_t lane = 0; lane < primitives.size(); ++lane)
-    for (std::size_t row = 0; row < 9; ++row) chunk.shape[row][lane] = primitives[lane].shape[row];
-  return chunk;
+/// At most PRIMITIVE_BLOCK_WIDTH primitives side by side, all of one tile.
+PrimitiveBlock make_block(std::span<const RbvhPrimitive> primitives, bool discs, std::uint32_t tile) {
+  // A disc's centre, radius and normal become centre, normal and radius.
+  constexpr std::size_t kDiscRows[9] = {0, 1, 2, 6, 3, 4, 5, 7, 8};
+  PrimitiveBlock block = empty_block();
+  for (std::size_t lane = 0; lane < primitives.size(); ++lane) {
+    for (std::size_t i = 0; i < 9; ++i)
+      block.rows[discs ? kDiscRows[i] : i][lane] = primitives[lane].shape[i];
+    block.ids[lane] = tile;
+  }
+  return block;
 }
 
-Bounds3f bounds_of(std::span<const RbvhPrimitive> primitives, bool discs, float pad) {
+Bounds3f bounds_of(std::span<const RbvhPrimitive> primitives, bool discs) {
   Bounds3f box;
   for (const RbvhPrimitive& primitive : primitives) {
     const float* s = primitive.shape;
@@ -39,7 +40,7 @@ Bounds3f bounds_of(std::span<const RbvhPrimitive> primitives, bool discs, float 
       for (const Vec3f& corner : {a, Vec3f{s[3], s[4], s[5]}, Vec3f{s[6], s[7], s[8]}}) box.add(corner);
     }
   }
-  return {box.lo - Vec3f{pad, pad, pad}, box.hi + Vec3f{pad, pad, pad}};
+  return box;
 }
 
 float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
@@ -52,7 +53,7 @@ RbvhTile make_tile(const Level& level, std::uint32_t leaf_index, const RbvhNode&
   const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
   RbvhTile tile{};
   tile.leaf = leaf_index;
-  tile.chunk = RBVH_NO_CHUNK;
+  tile.block = RBVH_NO_BLOCK;
   for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 4; ++column)
       tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
@@ -70,36 +71,64 @@ RbvhTile make_tile(const Level& level, std::uint32_t leaf_index, const RbvhNode&
   return tile;
 }
 
-/// The tree for tracing. A leaf that keeps its primitives is a tree of their chunks there, and each chunk a
-/// tile.
+/// The tree for tracing. In the place of a leaf that fell back to exact primitives stands a tree of blocks of
+/// them, each a tile of its own. Tiles are numbered by leaf, then by block: the order of the tie rule.
 struct TraceTree {
-  std::vector<RbvhNode> nodes;
+  Bvh bvh;
   std::vector<RbvhTile> tiles;
-  std::vector<RbvhChunk> chunks;
+  std::vector<PrimitiveBlock> blocks;
 };
 
+BvhNode binary_node(const RbvhNode& n) {
+  return {{{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}}, n.first, n.count};
+}
+
 /// Puts a tree of the primitives in the place of `node`.
-void add_chunks(std::span<const RbvhPrimitive> primitives, bool discs, float texel, std::uint32_t node,
-                RbvhTile tile, TraceTree& to) {
-  const auto first_chunk = static_cast<std::uint32_t>(to.chunks.size()),
-             first_tile = static_cast<std::uint32_t>(to.tiles.size()),
-             moved = static_cast<std::uint32_t>(to.nodes.size()) - 1;
+void add_blocks(std::span<const RbvhPrimitive> primitives, bool discs, std::uint32_t node, RbvhTile tile,
+                TraceTree& to) {
+  const auto first_tile = static_cast<std::uint32_t>(to.tiles.size()),
+             moved = static_cast<std::uint32_t>(to.bvh.nodes.size()) - 1;
   std::vector<Bounds3f> boxes;
-  for (std::size_t i = 0; i < primitives.size(); i += RBVH_CHUNK) {
-    const auto chunk = primitives.subspan(i, std::min<std::size_t>(primitives.size() - i, RBVH_CHUNK));
-    boxes.push_back(bounds_of(chunk, discs, kChunkPadTexels * texel));
-    to.chunks.push_back(make_chunk(chunk));
-  }
-  const TopTree tree = build_top_tree(boxes);
-  for (const std::uint32_t chunk : tree.order) {
-    tile.chunk = first_chunk + chunk;
+  for (std::size_t i = 0; i < primitives.size(); i += PRIMITIVE_BLOCK_WIDTH) {
+    const auto some =
+        primitives.subspan(i, std::min<std::size_t>(primitives.size() - i, PRIMITIVE_BLOCK_WIDTH));
+    boxes.push_back(bounds_of(some, discs));
+    tile.block = static_cast<std::uint32_t>(to.blocks.size());
+    to.blocks.push_back(make_block(some, discs, static_cast<std::uint32_t>(to.tiles.size())));
     to.tiles.push_back(tile);
   }
+  const TopTree tree = build_top_tree(boxes);
   for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
-    RbvhNode& here = n == 0 ? to.nodes[node] : to.nodes.emplace_back();
-    here = tree.nodes[n];
-    here.first += here.count == 0 ? moved : first_tile;
+    BvhNode& here = n == 0 ? to.bvh.nodes[node] : to.bvh.nodes.emplace_back();
+    here = binary_node(tree.nodes[n]);
+    here.first = here.count == 0 ? here.first + moved : first_tile + tree.order[here.first];
   }
+}
+
+TraceTree make_trace_tree(const Level& level, std::vector<std::uint16_t>& heights) {
+  TraceTree tree;
+  std::vector<std::uint32_t> node_of(level.leaves.size());
+  for (std::uint32_t n = 0; n < level.nodes.size(); ++n) {
+    const RbvhNode& node = level.nodes[n];
+    tree.bvh.nodes.push_back(binary_node(node));
+    if (node.count == 1) node_of[node.first] = n;
+  }
+  auto exact = level.exact_leaves.begin();
+  for (std::uint32_t leaf = 0; leaf < level.leaves.size(); ++leaf) {
+    const std::uint32_t node = node_of[leaf];
+    const RbvhTile tile = make_tile(level, leaf, level.nodes[node], heights);
+    if (exact != level.exact_leaves.end() && exact->leaf == leaf) {
+      add_blocks(std::span(level.exact_primitives).subspan(exact++->first, level.leaves[leaf].primitives),
+                 level.exact_discs, node, tile, tree);
+    } else {
+      tree.bvh.nodes[node].first = static_cast<std::uint32_t>(tree.tiles.size());
+      tree.tiles.push_back(tile);
+    }
+  }
+  tree.bvh.order.resize(tree.tiles.size());
+  std::iota(tree.bvh.order.begin(), tree.bvh.order.end(), 0u);
+  if (tree.blocks.empty()) tree.blocks.push_back(empty_block());
+  return tree;
 }
 
 }  // namespace
@@ -107,69 +136,48 @@ void add_chunks(std::span<const RbvhPrimitive> primitives, bool discs, float tex
 TileTracer make_tile_tracer(const Device& device, const Level& level) {
   RBVH_CHECK(!level.leaves.empty() && !level.layers.empty());
   std::vector<std::uint16_t> heights;
-  TraceTree tree{.nodes = level.nodes, .tiles = {}, .chunks = {}};
-  std::vector<std::uint32_t> node_of(level.leaves.size());
-  for (std::uint32_t n = 0; n < level.nodes.size(); ++n)
-    if (level.nodes[n].count == 1) node_of[level.nodes[n].first] = n;
-  auto exact = level.exact_leaves.begin();
-  for (std::uint32_t leaf = 0; leaf < level.leaves.size(); ++leaf) {
-    const std::uint32_t node = node_of[leaf];
-    const RbvhTile tile = make_tile(level, leaf, level.nodes[node], heights);
-    if (exact != level.exact_leaves.end() && exact->leaf == leaf) {
-      const auto kept =
-          std::span(level.exact_primitives).subspan(exact++->first, level.leaves[leaf].primitives);
-      add_chunks(kept, level.exact_discs, 1 / row_length(level.leaves[leaf].to_tile), node, tile, tree);
-    } else {
-      tree.nodes[node].first = static_cast<std::uint32_t>(tree.tiles.size());
-      tree.tiles.push_back(tile);
-    }
-  }
+  const TraceTree tree = make_trace_tree(level, heights);
   heights.push_back(0);  // the kernels may read one texel past the last
-  if (tree.chunks.empty()) tree.chunks.resize(1);
-
-  const WideNodes eight = flatten_wide(tree.nodes, 8), sixteen = flatten_wide(tree.nodes, 16);
-  if (eight.stack_needed > kStack || sixteen.stack_needed > kStack)
-    throw Error(ErrorKind::kInput, "", "the hierarchy is too deep to trace; build the pair again");
+  const WideBvh wide = widen_elements(tree.bvh);
+  const std::uint32_t stack = (wide.stack + kStackStep - 1) / kStackStep * kStackStep;
   TileTracer tracer(device);
-  tracer.nodes8 = {device, eight.words};
-  tracer.nodes16 = {device, sixteen.words};
+  tracer.options = "-DSTACK=" + std::to_string(stack) + (level.exact_discs ? " -DDISCS" : "");
+  tracer.scene = wide.scene;
+  tracer.nodes = {device, wide.nodes};
   tracer.tiles = {device, tree.tiles};
   tracer.heights = {device, heights};
-  tracer.exact = {device, tree.chunks};
-  tracer.discs = level.exact_discs ? 1u : 0u;
+  tracer.blocks = {device, tree.blocks};
   tracer.level = &level;
   return tracer;
 }
 
 void TileTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
                            RayQuery query, const Buffer<std::uint32_t>* steps) const {
-  const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
-  device.kernel("trace/trace_tile", "trace_tile_rays", options())
-      .run(count, 64, nodes16, tiles, heights, exact, discs, rays, static_cast<std::uint32_t>(count),
-           query == RayQuery::kAny ? 1u : 0u, hits, steps_out);
+  device.kernel("trace/trace_tile", "trace_rays", options)
+      .run(count, 64, nodes, tiles, heights, blocks, scene, rays, static_cast<std::uint32_t>(count),
+           query == RayQuery::kAny ? 1u : 0u, hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
 void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                            const Buffer<std::uint32_t>* steps) const {
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
-  const auto blocks = [](std::uint32_t pixels, std::uint32_t side) {
-    return static_cast<std::size_t>((pixels + side - 1) / side);
-  };
-  if (device.info().is_cpu)
-    device.kernel("trace/trace_tile", "trace_tile_packets", options())
-        .run(blocks(camera.width, 4) * blocks(camera.height, 4), 16, nodes8, tiles, heights, exact, discs,
-             camera, hits, steps_out);
-  else
-    device.kernel("trace/trace_tile", "trace_tile_pixels", options())
-        .run(blocks(camera.width, 8) * blocks(camera.height, 8) * 64, 64, nodes16, tiles, heights, exact,
-             discs, camera, hits, steps_out);
+  const auto squares = [](std::uint32_t pixels, std::uint32_t side) { return (pixels + side - 1) / side; };
+  if (device.info().is_cpu) {
+    const std::uint32_t in_row = squares(camera.width, 4);
+    device.kernel("trace/trace_tile", "trace_camera_packets", options)
+        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, scene,
+             camera, in_row, hits, steps_out);
+  } else {
+    device.kernel("trace/trace_tile", "trace_camera", options)
+        .run(std::size_t{squares(camera.width, 8)} * squares(camera.height, 8) * 64, 64, nodes, tiles,
+             heights, blocks, scene, camera, hits, steps_out);
+  }
 }
 
 SurfaceSamples TileTracer::surface(std::span<const Hit> hits) const { return sample_surface(*level, hits); }
 
 std::uint64_t TileTracer::memory() const {
-  return nodes8.size_bytes() + nodes16.size_bytes() + tiles.size_bytes() + heights.size_bytes() +
-         exact.size_bytes();
+  return nodes.size_bytes() + tiles.size_bytes() + heights.size_bytes() + blocks.size_bytes();
 }
 
 }  // namespace rbvh

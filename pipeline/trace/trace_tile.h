@@ -2,6 +2,9 @@
 // hit. Packets of coherent rays by explicit vectors on a CPU, one ray a work-item otherwise.
 #pragma once
 
+#include <string>
+
+#include "kernels/bvh/bvh_layout.h"
 #include "kernels/common/layout.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/rbvh.h"
@@ -11,15 +14,16 @@ namespace rbvh {
 
 /// A level in the device's own layout. Cheap to copy.
 struct TileTracer final : Tracer {
-  Buffer<std::uint32_t> nodes8, nodes16;  ///< wide nodes, see kernels/trace/trace_tile.cl
+  std::string options;  ///< the kernels' -D words
+  BvhRoot scene{};
+  Buffer<WideNode> nodes;
   Buffer<RbvhTile> tiles;
   Buffer<std::uint16_t> heights;
-  Buffer<RbvhChunk> exact;  ///< what leaves keep in place of heights
-  std::uint32_t discs = 0;  ///< those are discs, not triangles
+  Buffer<PrimitiveBlock> blocks;  ///< of leaves that fell back to exact primitives
   const Level* level = nullptr;
 
   using Tracer::Tracer;
-  /// `steps` counts nodes and grid lines.
+  /// Of several tiles at the same t the lowest leaf is hit. `steps` counts nodes and grid lines.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,

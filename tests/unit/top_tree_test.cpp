@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <bit>
-#include <limits>
-
-#include "pipeline/bvh/wide_nodes.h"
 #include "tests/property.h"
 
 namespace rbvh {
@@ -74,38 +70,6 @@ TEST(TopTree, StaysShallowWhenBoxesAreEqualOrNested) {
 }
 
 TEST(TopTree, OfNothingIsEmpty) { EXPECT_TRUE(build_top_tree({}).nodes.empty()); }
-
-TEST(WideNodes, ReachEveryLeafOnceAndBoundTheStack) {
-  for (const std::size_t count : {1u, 2u, 9u, 300u})
-    for (const std::uint32_t width : {8u, 16u}) {
-      const TopTree tree = build_top_tree(random_boxes(count, property_seed() + count));
-      const WideNodes wide = flatten_wide(tree.nodes, width);
-      const std::size_t words = 7 * static_cast<std::size_t>(width);
-      std::vector<int> seen(count);
-      std::vector<std::uint32_t> stack = {0};
-      std::size_t deepest = 1, empty_slots = 0;
-      while (!stack.empty()) {
-        const std::uint32_t node = stack.back();
-        stack.pop_back();
-        for (std::uint32_t k = 0; k < width; ++k) {
-          const std::uint32_t* slot = wide.words.data() + words * node + k;
-          const auto child = std::bit_cast<std::int32_t>(slot[6 * width]);
-          if (child == std::numeric_limits<std::int32_t>::min()) {
-            ++empty_slots;
-            EXPECT_EQ(std::bit_cast<float>(slot[0]), std::bit_cast<float>(slot[3 * width]));
-          } else if (child < 0) {
-            ++seen[static_cast<std::size_t>(~child)];
-          } else {
-            stack.push_back(static_cast<std::uint32_t>(child));
-            deepest = std::max(deepest, stack.size());
-          }
-        }
-      }
-      EXPECT_EQ(seen, std::vector<int>(count, 1));
-      EXPECT_LE(deepest, wide.stack_needed);
-      EXPECT_EQ(empty_slots > 0, (wide.words.size() / words * (width - 1)) + 1 != count);
-    }
-}
 
 }  // namespace
 }  // namespace rbvh

@@ -1,0 +1,69 @@
+// From what was found on a tile to a hit: the place on the tile and the geometric normal.
+#ifndef RBVH_TILE_HIT_H
+#define RBVH_TILE_HIT_H
+#include "kernels/bvh/primitive_block.h"
+#include "kernels/common/no_hit.h"
+#include "kernels/trace/tile_tree.h"
+
+#pragma OPENCL FP_CONTRACT ON
+
+// The gradient of a tile's height at u, v, in quanta a texel. Where a corner is missing, the slope along the
+// edge that is there stands for it.
+static ALWAYS_INLINE float2 height_slope(const Tree* tree, __global const RbvhTile* tile, float u, float v) {
+  const int width = tile->width, height = tile->height;
+  const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
+  const float fu = u - (float)x, fv = v - (float)y;
+  const uint at = (uint)(y * width + x);
+  if (!IN_BOUNDS(tree->bounds, HEIGHTS, (ulong)tile->offset + at, (ulong)width + 2)) return 0.0f;
+  __global const ushort* q = tree->heights + tile->offset + at;
+  const float a = (float)q[0], b = (float)q[1], c = (float)q[width], d = (float)q[width + 1];
+  const float ab = a != 0.0f && b != 0.0f ? b - a : NAN, cd = c != 0.0f && d != 0.0f ? d - c : NAN;
+  const float ac = a != 0.0f && c != 0.0f ? c - a : NAN, bd = b != 0.0f && d != 0.0f ? d - b : NAN;
+  const float du = isnan(ab) ? cd : isnan(cd) ? ab : ab + (cd - ab) * fv;
+  const float dv = isnan(ac) ? bd : isnan(bd) ? ac : ac + (bd - ac) * fu;
+  return (float2)(isnan(du) ? 0.0f : du, isnan(dv) ? 0.0f : dv);
+}
+
+static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
+  Hit h = no_hit();
+  if (found->id == RBVH_NO_LEAF) return h;
+  __global const RbvhTile* tile = tree->tiles + found->id;
+  __global const float* m = tile->columns;
+  const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]),
+               rw = (float3)(m[2], m[5], m[8]);
+  const float3 d = vload3(0, ray->direction), p = vload3(0, ray->origin) + d * found->t;
+  const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
+  const bool exact = tile->block != RBVH_NO_BLOCK;
+  float3 n;
+  if (exact) {
+    n = unit_normal(tree->blocks, found->at);
+  } else {
+    // Of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
+    const float2 slope = height_slope(tree, tile, u, v);
+    n = normalize(rw - ru * slope.x - rv * slope.y);
+  }
+  h.t = found->t;
+  h.normal[0] = n.x;
+  h.normal[1] = n.y;
+  h.normal[2] = n.z;
+  h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
+  h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
+  h.leaf = tile->leaf;
+  h.flags = (dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u) | (exact ? RBVH_HIT_TRIANGLE_LEAF : 0u);
+  return h;
+}
+
+static ALWAYS_INLINE void make_hits(const Tree* tree, const Found16* found, const Packet* p, Hit* hits) {
+  float d[3][16], t[16];
+  uint id[16], at[16];
+  for (uint axis = 0; axis < 3; ++axis) vstore16(p->d[axis], 0, d[axis]);
+  vstore16(found->t, 0, t);
+  vstore16(found->id, 0, id);
+  vstore16(found->at, 0, at);
+  for (uint i = 0; i < 16; ++i) {
+    const Ray ray = {{p->origin[0], p->origin[1], p->origin[2]}, 0.0f, {d[0][i], d[1][i], d[2][i]}, INFINITY};
+    const Found one = {t[i], 0.0f, 0.0f, id[i], at[i]};
+    hits[i] = make_hit(tree, &one, &ray);
+  }
+}
+#endif
