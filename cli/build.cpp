@@ -13,9 +13,11 @@
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "pipeline/measure/measure_json.h"
+#include "pipeline/measure/stored_fidelity.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/layers.h"
 #include "pipeline/scan/ingest.h"
+#include "pipeline/scene/asset_content.h"
 #include "pipeline/trace/make_tracer.h"
 
 namespace rbvh {
@@ -161,19 +163,15 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
 
 // Fills in the levels' fidelity.
 void measure_pair(Context& context, const Device& device, const ViewsConfig& views, Rbvh& rbvh, Scan& scan) {
-  Asset exact, pair;
-  exact.bounds = pair.bounds = bounds(scan);
-  exact.is_cloud = pair.is_cloud = scan.is_cloud();
-  exact.content = std::move(scan);
-  pair.content = std::move(rbvh);
+  Asset exact = make_asset(std::move(scan)), pair = make_asset(std::move(rbvh));
   MeasureConfig config;
   config.views = views;
   config.images = config.distances = true;
   config.memory = context.memory;
   const std::vector<LevelMeasure> measures =
       measure_levels(device, pair, exact, choose_levels(pair, {"all"}), config, context.progress.callback());
-  scan = std::move(std::get<Scan>(exact.content));
-  rbvh = std::move(std::get<Rbvh>(pair.content));
+  scan = std::move(*exact.scan());
+  rbvh = std::move(*pair.rbvh());
   for (std::size_t i = 0; i < measures.size(); ++i)
     rbvh.levels[i].fidelity = stored_fidelity(measures[i], config.views);
 }

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cli/parse.h"
-#include "pipeline/render/camera.h"
+#include "rbvh/camera.h"
 
 namespace rbvh {
 

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "cli/common.h"
-#include "pipeline/scene/asset.h"
 #include "pipeline/trace/trace_exact.h"
+#include "rbvh/asset.h"
 
 namespace rbvh {
 

@@ -61,7 +61,7 @@ class Lod {
     Stopwatch watch;
     if (!is_rbvh(options_.file)) throw Error(ErrorKind::kInput, options_.file, "is no .rbvh pair");
     pair_ = load(context_, options_.file);
-    Rbvh& rbvh = std::get<Rbvh>(pair_.content);
+    Rbvh& rbvh = *pair_.rbvh();
     const double load_seconds = watch.lap();
     finest_ = rbvh.levels.front();
     choose_by_name(rbvh);

@@ -88,7 +88,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   else
     paint = read_paint(context, options);
   Asset pair = load(context, options.file);
-  Rbvh& rbvh = std::get<Rbvh>(pair.content);
+  Rbvh& rbvh = *pair.rbvh();
   move_to_shift(scan, rbvh.source.shift);
   from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
             : warn_of_infinite(context, options.values, paint.values.values);

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/base/progress.h"
+#include "rbvh/progress.h"
 
 namespace rbvh {
 

@@ -15,7 +15,8 @@
 #include "io/output_file.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/render/difference.h"
-#include "pipeline/render/render.h"
+#include "pipeline/render/shade.h"
+#include "rbvh/render.h"
 
 namespace rbvh {
 namespace {
@@ -156,8 +157,7 @@ class Renderer {
       watch.lap();
       std::vector<std::unique_ptr<Tracer>> tracers;
       for (const ExactConfig& config : configs_)
-        tracers.push_back(
-            make_tracer(*device_, asset, {.level = level, .scene = scene_config(config), .spread = 0}));
+        tracers.push_back(make_tracer(*device_, asset, level, scene_config(config)));
       device_->finish();
       timings_.upload += watch.lap();
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {

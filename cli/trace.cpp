@@ -57,8 +57,7 @@ void run_trace(Context& context, const TraceOptions& options) {
 
   const Device device = Device::open(context.device);
   const auto spread = static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360));
-  const std::unique_ptr<Tracer> tracer =
-      make_tracer(device, asset, {.level = level, .scene = config, .spread = spread});
+  const std::unique_ptr<Tracer> tracer = make_tracer(device, asset, level, config, spread);
   device.finish();
   const double upload_seconds = watch.lap();
 

@@ -1,7 +1,9 @@
-# Writes OUT: a table of every kernel file's path below ROOT and its text, as raw strings cut to stay under compilers' literal limit.
+# Writes OUT: a table of every kernel file's path, as its includers name it without "kernels/", and its text; ROOT is the
+# repository, as raw strings cut to stay under compilers' literal limit.
 set(rows "")
 foreach(file IN LISTS FILES)
   file(RELATIVE_PATH name ${ROOT} ${file})
+  string(REGEX REPLACE "^(kernels|include)/" "" name ${name})
   file(READ ${file} text)
   string(LENGTH "${text}" length)
   set(pieces "\"\"")

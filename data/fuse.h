@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "pipeline/base/vec.h"
 #include "range_camera.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh::demo {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "demo_shape.h"
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh::demo {
 

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "pipeline/render/camera.h"
+#include "rbvh/camera.h"
 
 namespace rbvh {
 

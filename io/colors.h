@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -12,6 +12,7 @@
 #include "io/scene_file.h"
 #include "pipeline/measure/measure_json.h"
 #include "pipeline/proxy/proxy_surface.h"
+#include "pipeline/scene/asset_content.h"
 
 namespace rbvh {
 namespace {
@@ -236,6 +237,10 @@ Json describe(const std::string& path, const LoadConfig& config) {
   if (is_proxy(path)) return proxy_json(path);
   if (is_scene(path)) return scene_json(path, config);
   return scan_json(path, config);
+}
+
+std::string describe_json(const std::string& path, const LoadConfig& config) {
+  return describe(path, config).dump(2, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace rbvh

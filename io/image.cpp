@@ -11,6 +11,7 @@
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/srgb.h"
 
 namespace rbvh {
 namespace {

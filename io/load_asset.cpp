@@ -12,6 +12,7 @@
 #include "pipeline/proxy/tessellate.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/ingest.h"
+#include "pipeline/scene/asset_content.h"
 
 namespace rbvh {
 namespace {
@@ -132,36 +133,30 @@ Scan load_scan(const std::string& path, const MemoryBudget& memory, const Progre
   return scan;
 }
 
+namespace {
+
+Asset load_proxy_asset(const std::string& path, const LoadConfig& config) {
+  SceneObject object = load_proxy_object(path, config);
+  if (object.scan() != nullptr) {
+    Asset asset = make_asset(std::move(std::get<Scan>(object.content)));
+    asset.bounds = object.bounds;
+    return asset;
+  }
+  Scene scene;
+  scene.objects.push_back(std::move(object));
+  scene.instances.push_back({});
+  return make_asset(std::move(scene));
+}
+
+}  // namespace
+
 Asset load_asset(const std::string& path, const LoadConfig& config, const Progress& progress) {
-  Asset asset;
+  Asset asset = is_rbvh(path)                   ? make_asset(load_pair(path, config.memory))
+                : is_scene(path)                ? make_asset(load_scene(path, config, progress))
+                : path != "-" && is_proxy(path) ? load_proxy_asset(path, config)
+                                                : make_asset(load_scan(path, config.memory, progress));
   asset.path = path;
   asset.name = path == "-" ? "stdin" : fs::path(path).stem().string();
-  if (is_rbvh(path)) {
-    Rbvh rbvh = load_pair(path, config.memory);
-    asset.bounds = rbvh.source.bounds;
-    asset.is_cloud = rbvh.source.triangles == 0;
-    asset.content = std::move(rbvh);
-  } else if (is_scene(path)) {
-    Scene scene = load_scene(path, config, progress);
-    asset.bounds = bounds(scene);
-    asset.content = std::move(scene);
-  } else if (path != "-" && is_proxy(path)) {
-    SceneObject object = load_proxy_object(path, config);
-    asset.bounds = object.bounds;
-    if (object.scan() != nullptr) {
-      asset.content = std::move(std::get<Scan>(object.content));
-    } else {
-      Scene scene;
-      scene.objects.push_back(std::move(object));
-      scene.instances.push_back({});
-      asset.content = std::move(scene);
-    }
-  } else {
-    Scan scan = load_scan(path, config.memory, progress);
-    asset.bounds = bounds(scan);
-    asset.is_cloud = scan.is_cloud();
-    asset.content = std::move(scan);
-  }
   return asset;
 }
 
@@ -169,12 +164,15 @@ Asset load_reference(const std::string& path, const Rbvh& pair, const MemoryBudg
                      const Progress& progress) {
   Scan scan = load_scan(path, memory, progress);
   move_to_shift(scan, pair.source.shift);
-  Asset reference;
+  Asset reference = make_asset(std::move(scan));
   reference.path = path;
-  reference.bounds = bounds(scan);
-  reference.is_cloud = scan.is_cloud();
-  reference.content = std::move(scan);
   return reference;
+}
+
+void save_pair(const std::string& path, const Asset& pair, bool overwrite) {
+  if (pair.rbvh() == nullptr)
+    throw Error(ErrorKind::kUsage, path, "only pairs are saved so, and this is none");
+  write_rbvh(path, *pair.rbvh(), overwrite);
 }
 
 }  // namespace rbvh

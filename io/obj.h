@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

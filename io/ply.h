@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -5,7 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/io.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 
@@ -23,9 +24,5 @@ RawScan parse_scan(std::string_view bytes, const std::string& path);
 /// zeros, white or NaN. The whole has no viewpoint. Throws Error(kInput) when one is a mesh and the other a
 /// cloud.
 void merge_scan(RawScan& all, RawScan&& scan);
-
-/// Binary little-endian PLY as docs/file_format.md defines it ("-": standard output), written whole or not at
-/// all. Throws Error(kFailure).
-void write_ply(const std::string& path, const Scan& scan, bool overwrite);
 
 }  // namespace rbvh

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "pipeline/base/error.h"
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

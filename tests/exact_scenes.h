@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "kernels/common/layout.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 #include "tests/oracle.h"
 
 namespace rbvh {

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

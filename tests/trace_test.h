@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "pipeline/device/device.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/tracer.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

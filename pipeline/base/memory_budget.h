@@ -1,14 +1,11 @@
-// How much memory work may take: checked by estimate before it begins.
+// Checks of the memory budget.
 #pragma once
 
-#include <cstdint>
 #include <string>
 
-namespace rbvh {
+#include "rbvh/memory_budget.h"
 
-struct MemoryBudget {
-  std::uint64_t bytes = 0;  ///< 0: what the machine has
-};
+namespace rbvh {
 
 /// Throws Error(kBudget) when `bytes` for `what` ("reading it") of `file` is over the budget.
 void check_budget(const MemoryBudget& budget, std::uint64_t bytes, const std::string& file,

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

@@ -6,7 +6,7 @@
 
 #include "kernels/bvh/bvh_layout.h"
 #include "pipeline/bvh/kd_tree.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

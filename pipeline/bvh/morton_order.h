@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "pipeline/base/vec.h"
 #include "pipeline/device/device.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

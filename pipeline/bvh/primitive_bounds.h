@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "pipeline/base/vec.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/geometry.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -3,7 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "pipeline/measure/measure_levels.h"
+#include "pipeline/measure/measure_proxy.h"
+#include "pipeline/measure/stored_fidelity.h"
 
 namespace rbvh {
 

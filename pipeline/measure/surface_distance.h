@@ -7,9 +7,10 @@
 #include <limits>
 #include <vector>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/measure.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 
@@ -49,10 +50,6 @@ class ClosestPoint {
   TriangleSoup triangles_;
   std::vector<std::uint32_t> order_;  ///< of triangles_, in the soup
   std::vector<Node> nodes_;
-};
-
-struct DistanceStatistics {
-  double rms = 0, max = 0;  ///< scan units
 };
 
 /// From points spread evenly over `from` (by area, the same ones every time) to the surface `to`.

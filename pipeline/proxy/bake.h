@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/proxy/manifold.h"
 #include "pipeline/proxy/proxy.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

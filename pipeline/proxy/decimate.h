@@ -6,9 +6,9 @@
 #include <limits>
 #include <memory>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/proxy/manifold.h"
 #include "pipeline/proxy/self_map.h"
+#include "rbvh/progress.h"
 
 namespace rbvh {
 

@@ -13,7 +13,7 @@
 #include "pipeline/proxy/pack_map.h"
 #include "pipeline/proxy/patch_point.h"
 #include "pipeline/proxy/split_polygons.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 namespace {

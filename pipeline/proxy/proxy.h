@@ -13,7 +13,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

@@ -21,7 +21,7 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

@@ -8,7 +8,7 @@
 
 #include "pipeline/proxy/patch_levels.h"
 #include "pipeline/proxy/proxy.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

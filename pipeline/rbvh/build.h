@@ -5,36 +5,16 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/focus.h"
 #include "pipeline/rbvh/leaf_policy.h"
 #include "pipeline/rbvh/partition.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/build.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
-
-struct BuildConfig {
-  std::vector<LevelConfig> levels = standard_levels();
-  Refinement refinement = Refinement::kProjectedArea;
-  SplitRule split = SplitRule::kSpatialMedian;
-  PartitionWhere partition = PartitionWhere::kDevice;
-  RaysKind rays = RaysKind::kCoherent;
-  std::optional<Focus> focus = std::nullopt;
-  double area = 0;  ///< the surface area that the levels' rho is for, scan units squared; 0: the scan's own
-  Hybrid hybrid = Hybrid::kAuto;
-};
-
-/// For reports: seconds by phase, summed over levels.
-struct BuildTimings {
-  double upload = 0, partition = 0, rasterize = 0, pack = 0;
-  struct PerLevel {
-    std::string name;
-    double seconds = 0;
-  };
-  std::vector<PerLevel> levels;
-};
 
 /// The scan must have finite positions only; a cloud needs normals and radii. Deterministic for one device.
 /// Throws Error(kInput) for a scan whose area is zero or beyond what float can work with, Error(kBudget)

@@ -2,16 +2,10 @@
 // falling with the distance, as the resolution of a viewer there does, down to the level's own.
 #pragma once
 
-#include "pipeline/base/vec.h"
-#include "pipeline/rbvh/level_config.h"
+#include "rbvh/build.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
-
-struct Focus {
-  Vec3f center{};
-  float radius = 0;   ///< within it the quality is `level`'s; scan units, > 0
-  LevelConfig level;  ///< levels finer than this one are not changed
-};
 
 /// The level's quality at this distance from the focus (none: the level's own). Texels grow in proportion to
 /// the distance; rho falls in steps of 2, so that neighbouring tiles differ by one step or not at all.

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

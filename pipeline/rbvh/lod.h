@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/rbvh.h"
+#include "rbvh/progress.h"
 
 namespace rbvh {
 

@@ -1,10 +1,10 @@
 // From a level's tiles to what is stored: atlas, hierarchy, exact primitives.
 #pragma once
 
-#include "pipeline/rbvh/level_config.h"
 #include "pipeline/rbvh/primitives.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/rbvh/refine.h"
+#include "rbvh/build.h"
 
 namespace rbvh {
 

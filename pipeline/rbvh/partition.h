@@ -8,9 +8,10 @@
 #include <vector>
 
 #include "kernels/common/layout.h"
-#include "pipeline/base/progress.h"
 #include "pipeline/rbvh/leaf_policy.h"
 #include "pipeline/rbvh/primitives.h"
+#include "rbvh/build.h"
+#include "rbvh/progress.h"
 
 namespace rbvh {
 
@@ -35,13 +36,6 @@ struct PartitionNode {
 inline NodeFacts facts(const PartitionNode& node) {
   return {node.count(), node.objects.count, node.sums.area, node.projected_area(), node.cone_cosine};
 }
-
-enum class SplitRule {
-  kSpatialMedian,  ///< the middle of the longest axis
-  kSurfaceArea,    ///< the least of equation 1, S(b) A(b) + S(c) A(c), among 32 planes along each axis
-};
-
-enum class PartitionWhere { kDevice, kHost };
 
 struct HostPrimitives;
 

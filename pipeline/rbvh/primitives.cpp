@@ -4,9 +4,9 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/device/radix_sort.h"
-#include "pipeline/rbvh/level_config.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/vertex_normals.h"
+#include "rbvh/build.h"
 
 namespace rbvh {
 namespace {

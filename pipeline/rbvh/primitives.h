@@ -2,7 +2,7 @@
 #pragma once
 
 #include "pipeline/device/device.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

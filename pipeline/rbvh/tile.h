@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "kernels/common/layout.h"
-#include "pipeline/base/vec.h"
 #include "pipeline/rbvh/leaf_policy.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

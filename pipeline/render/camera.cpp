@@ -1,4 +1,4 @@
-#include "pipeline/render/camera.h"
+#include "rbvh/camera.h"
 
 #include <algorithm>
 #include <cmath>

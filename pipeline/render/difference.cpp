@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
 namespace {

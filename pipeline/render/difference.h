@@ -4,7 +4,7 @@
 #include <span>
 
 #include "pipeline/measure/fidelity.h"
-#include "pipeline/render/image.h"
+#include "rbvh/image.h"
 
 namespace rbvh {
 

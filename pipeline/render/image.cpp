@@ -1,4 +1,4 @@
-#include "pipeline/render/image.h"
+#include "rbvh/image.h"
 
 namespace rbvh {
 

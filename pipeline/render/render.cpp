@@ -1,8 +1,9 @@
-#include "pipeline/render/render.h"
+#include "rbvh/render.h"
 
 #include <utility>
 
 #include "pipeline/base/stopwatch.h"
+#include "pipeline/render/shade.h"
 
 namespace rbvh {
 namespace {

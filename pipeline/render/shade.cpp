@@ -7,8 +7,9 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/rbvh/texel.h"
-#include "pipeline/render/camera.h"
 #include "pipeline/scan/vertex_normals.h"
+#include "pipeline/trace/camera_rays.h"
+#include "rbvh/camera.h"
 
 namespace rbvh {
 namespace {

@@ -1,21 +1,14 @@
 // From hits to pictures: the shaded view and the other AOVs.
 #pragma once
 
-#include <optional>
 #include <span>
-#include <string_view>
 #include <vector>
 
-#include "kernels/common/layout.h"
-#include "pipeline/render/image.h"
 #include "pipeline/trace/surface.h"
+#include "rbvh/image.h"
+#include "rbvh/render.h"
 
 namespace rbvh {
-
-enum class Aov { kShaded, kNormal, kDepth, kPosition, kLeaf, kSteps };
-
-/// "shaded", "normal" ..., or nothing for any other word.
-std::optional<Aov> find_aov(std::string_view name);
 
 /// Colours for values, `width` of them a hit: one from dark blue (lo) to yellow (hi), three as red, green and
 /// blue from lo to hi; clay for NaN.

@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

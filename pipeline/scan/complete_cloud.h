@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <optional>
 
-#include "pipeline/base/progress.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

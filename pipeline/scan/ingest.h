@@ -5,11 +5,11 @@
 #include <optional>
 #include <string>
 
-#include "pipeline/base/progress.h"
 #include "pipeline/scan/clean.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/components.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

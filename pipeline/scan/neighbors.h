@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/base/progress.h"
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
+#include "rbvh/progress.h"
 
 namespace rbvh {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

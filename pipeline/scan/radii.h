@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "pipeline/scan/neighbors.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -1,4 +1,4 @@
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 #include <utility>
 

@@ -9,7 +9,7 @@
 #include "pipeline/base/affine.h"
 #include "pipeline/proxy/proxy.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "kernels/common/layout.h"
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 

@@ -21,20 +21,44 @@ std::uint64_t exact_bytes(std::uint64_t primitives, const ExactConfig& config) {
   return primitives * static_cast<std::uint64_t>(info(config.builder).bytes);
 }
 
+ExactTraversal find_named_traversal(const std::string& name) {
+  if (const auto found = find_exact_traversal(name)) return found->traversal;
+  throw Error(ErrorKind::kUsage, "", "there is no traversal '" + name + "'");
+}
+
+ExactBuilder find_named_builder(const std::string& name) {
+  if (const auto found = find_exact_builder(name)) return found->builder;
+  throw Error(ErrorKind::kUsage, "", "there is no builder '" + name + "'");
+}
+
 }  // namespace
 
-std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, const TracerConfig& config) {
+std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, const std::string& level,
+                                    const SceneConfig& config, float spread) {
   if (const Rbvh* rbvh = asset.rbvh()) {
-    std::vector<std::string> wanted;
-    if (!config.level.empty()) wanted.push_back(config.level);
-    const std::string level = choose_levels(asset, wanted, true).front();
     if (level == "auto")
-      return std::make_unique<FootprintTracer>(make_footprint_tracer(device, *rbvh, config.spread));
+      return std::make_unique<FootprintTracer>(make_footprint_tracer(device, *rbvh, spread));
     return std::make_unique<TileTracer>(make_tile_tracer(device, level_of(asset, level)));
   }
   if (const Scene* scene = asset.scene())
-    return std::make_unique<SceneTracer>(make_scene_tracer(device, *scene, config.scene));
-  return std::make_unique<ExactTracer>(make_exact_tracer(device, *asset.scan(), config.scene.exact));
+    return std::make_unique<SceneTracer>(make_scene_tracer(device, *scene, config));
+  RBVH_CHECK(asset.scan() != nullptr);
+  return std::make_unique<ExactTracer>(make_exact_tracer(device, *asset.scan(), config.exact));
+}
+
+std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, const TracerConfig& config) {
+  std::vector<std::string> wanted;
+  if (!config.level.empty()) wanted.push_back(config.level);
+  SceneConfig scene;
+  scene.pixels = config.pixels;
+  scene.proxy.cache_bytes = config.patch_cache_bytes;
+  if (!config.traversal.empty()) scene.exact.traversal = find_named_traversal(config.traversal);
+  scene.exact.builder =
+      config.builder.empty() ? default_builder(scene.exact.traversal) : find_named_builder(config.builder);
+  if (info(scene.exact.builder).tree != info(scene.exact.traversal).tree)
+    throw Error(ErrorKind::kUsage, "",
+                "builder " + config.builder + " does not fit traversal " + info(scene.exact.traversal).name);
+  return make_tracer(device, asset, choose_levels(asset, wanted, true).front(), scene, config.spread);
 }
 
 std::vector<std::string> choose_levels(const Asset& asset, const std::vector<std::string>& wanted,

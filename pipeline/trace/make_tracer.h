@@ -6,24 +6,15 @@
 #include <vector>
 
 #include "pipeline/base/memory_budget.h"
-#include "pipeline/scene/asset.h"
+#include "pipeline/scene/asset_content.h"
 #include "pipeline/trace/trace_scene.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
 
-struct TracerConfig {
-  /// A pair's: one of choose_levels(); empty: the finest; "auto": for each ray the level that its footprint
-  /// asks for. Ignored where there are no levels.
-  std::string level;
-  SceneConfig scene;  ///< how scans and proxies are cast, alone too
-  float spread = 0;   ///< of "auto": the width of rays that are not a camera's over their length
-};
-
-/// `asset` must outlive the tracer. Throws Error(kUsage) for a level that is not there or a traversal that
-/// does not fit, Error(kBudget) where the device cannot hold it.
-std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset,
-                                    const TracerConfig& config = {});
+/// make_tracer() with all that can be set. `level` is one of choose_levels().
+std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, const std::string& level,
+                                    const SceneConfig& config, float spread = 0);
 
 /// The names of the levels to cast at: `wanted` may be empty (the finest) or hold "all". For a scan: "exact";
 /// for proxies and scenes: "scene"; `wanted` is ignored there. Throws Error(kUsage) for a level that is not

@@ -5,7 +5,8 @@
 #include <limits>
 
 #include "pipeline/base/stopwatch.h"
-#include "pipeline/base/vec.h"
+#include "pipeline/device/device.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh {
 namespace {

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/base/progress.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/progress.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
 

@@ -4,20 +4,11 @@
 #include <span>
 #include <vector>
 
-#include "kernels/common/layout.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
-
-/// What surfaces without colours are made of, in linear light.
-inline constexpr Vec3f kClay{0.50f, 0.455f, 0.41f};
-
-/// The surface at each hit, in their order. Colours are linear light; empty: kClay.
-struct SurfaceSamples {
-  std::vector<Vec3f> normals;  ///< smooth, unit, unflipped; zero where nothing is hit
-  std::vector<Vec3f> colors;
-};
 
 /// A scan's smooth normals: its own, or for a mesh without any those of vertex_normals() (as `build` stores
 /// them).

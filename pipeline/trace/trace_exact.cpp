@@ -13,6 +13,7 @@
 #include "pipeline/bvh/kd_tree.h"
 #include "pipeline/bvh/primitive_bounds.h"
 #include "pipeline/bvh/wide_bvh.h"
+#include "pipeline/trace/surface.h"
 
 namespace rbvh {
 namespace {

@@ -11,8 +11,8 @@
 #include "kernels/common/layout.h"
 #include "pipeline/bvh/exact_methods.h"
 #include "pipeline/device/device.h"
-#include "pipeline/scan/scan.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/scan.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
 

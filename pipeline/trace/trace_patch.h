@@ -20,7 +20,8 @@
 #include "pipeline/proxy/patch_levels.h"
 #include "pipeline/proxy/proxy.h"
 #include "pipeline/trace/patch_scene.h"
-#include "pipeline/trace/tracer.h"
+#include "pipeline/trace/surface.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
 

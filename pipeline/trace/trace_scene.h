@@ -11,7 +11,7 @@
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_patch.h"
 #include "pipeline/trace/trace_tile.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
 

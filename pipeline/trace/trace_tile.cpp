@@ -9,6 +9,7 @@
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/rbvh/tile.h"
+#include "pipeline/trace/surface.h"
 
 namespace rbvh {
 namespace {

@@ -8,7 +8,7 @@
 #include "kernels/common/layout.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/rbvh.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
 

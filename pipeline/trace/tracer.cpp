@@ -1,6 +1,8 @@
-#include "pipeline/trace/tracer.h"
+#include "rbvh/tracer.h"
 
 #include <algorithm>
+
+#include "pipeline/device/device.h"
 
 namespace rbvh {
 namespace {

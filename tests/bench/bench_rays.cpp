@@ -6,7 +6,8 @@
 #include <random>
 
 #include "pipeline/base/error.h"
-#include "pipeline/render/camera.h"
+#include "pipeline/trace/camera_rays.h"
+#include "rbvh/camera.h"
 
 namespace rbvh::bench {
 namespace {

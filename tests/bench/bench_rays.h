@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/common/layout.h"
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
 namespace rbvh::bench {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "kernels/common/layout.h"
-#include "pipeline/scan/scan.h"
 #include "pipeline/trace/trace_tile.h"
+#include "rbvh/scan.h"
 
 namespace rbvh::bench {
 

@@ -18,8 +18,9 @@
 #include "pipeline/bvh/lbvh.h"
 #include "pipeline/bvh/primitive_bounds.h"
 #include "pipeline/bvh/sah_binned_bvh.h"
-#include "pipeline/render/camera.h"
+#include "pipeline/device/device.h"
 #include "pipeline/trace/trace_exact.h"
+#include "rbvh/camera.h"
 #include "tests/bench/bench_rays.h"
 #include "tests/bench/embree_scene.h"
 

@@ -14,10 +14,11 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/device/device.h"
 #include "pipeline/proxy/tessellate.h"
-#include "pipeline/render/camera.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_patch.h"
+#include "rbvh/camera.h"
 #include "tests/bench/bench_rays.h"
 #include "tests/proxy_shapes.h"
 

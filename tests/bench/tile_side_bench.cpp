@@ -12,10 +12,11 @@
 
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
+#include "pipeline/device/device.h"
 #include "pipeline/rbvh/build_tuning.h"
-#include "pipeline/render/camera.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_tile.h"
+#include "rbvh/camera.h"
 #include "tests/bench/bench_rays.h"
 
 namespace rbvh::bench {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

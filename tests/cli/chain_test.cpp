@@ -4,7 +4,7 @@
 #include <sstream>
 
 #include "io/npy.h"
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 #include "tests/picture.h"
 #include "tests/run_tool.h"
 

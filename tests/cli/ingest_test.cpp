@@ -1,7 +1,7 @@
 // rbvh ingest: every option, inputs and outputs of every kind, the report.
 #include <nlohmann/json.hpp>
 
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 #include "tests/run_tool.h"
 #include "tests/scan_bytes.h"
 

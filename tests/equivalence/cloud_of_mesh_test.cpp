@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "pipeline/device/device.h"
 #include "pipeline/measure/fidelity.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"

@@ -5,6 +5,7 @@
 #include <array>
 #include <set>
 
+#include "pipeline/device/device.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/rasterize.h"

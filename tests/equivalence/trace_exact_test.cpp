@@ -14,7 +14,9 @@
 #include <iomanip>
 #include <optional>
 
-#include "pipeline/render/camera.h"
+#include "pipeline/device/device.h"
+#include "pipeline/trace/camera_rays.h"
+#include "rbvh/camera.h"
 #include "tests/oracle.h"
 #include "tests/trace_test.h"
 

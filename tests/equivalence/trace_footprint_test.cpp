@@ -4,8 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/device/device.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/render/camera.h"
+#include "rbvh/camera.h"
 #include "tests/shapes.h"
 
 namespace rbvh {

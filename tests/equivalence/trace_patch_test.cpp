@@ -9,10 +9,11 @@
 #include <optional>
 
 #include "pipeline/base/error.h"
+#include "pipeline/device/device.h"
 #include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/tessellate.h"
-#include "pipeline/render/camera.h"
 #include "pipeline/trace/trace_exact.h"
+#include "rbvh/camera.h"
 #include "tests/proxy_shapes.h"
 #include "tests/trace_test.h"
 

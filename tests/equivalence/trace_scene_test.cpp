@@ -8,7 +8,7 @@
 
 #include "pipeline/proxy/tessellate.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/render/camera.h"
+#include "rbvh/camera.h"
 #include "tests/proxy_shapes.h"
 #include "tests/shapes.h"
 #include "tests/trace_test.h"

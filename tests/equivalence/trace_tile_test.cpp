@@ -8,8 +8,10 @@
 #include <cstring>
 
 #include "pipeline/base/error.h"
+#include "pipeline/device/device.h"
 #include "pipeline/rbvh/build.h"
-#include "pipeline/render/camera.h"
+#include "pipeline/trace/camera_rays.h"
+#include "rbvh/camera.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
 #include "tests/shapes.h"

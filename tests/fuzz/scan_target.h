@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "pipeline/base/error.h"
-#include "pipeline/scan/scan.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 

@@ -1,9 +1,10 @@
-#include "pipeline/render/camera.h"
+#include "rbvh/camera.h"
 
 #include <gtest/gtest.h>
 #include <optional>
 
 #include "pipeline/base/error.h"
+#include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
 namespace {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/device/device.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/check_rbvh.h"

@@ -7,6 +7,8 @@
 #include <limits>
 #include <random>
 
+#include "pipeline/base/srgb.h"
+
 namespace rbvh {
 namespace {
 

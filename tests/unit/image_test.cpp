@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/srgb.h"
 
 namespace rbvh {
 namespace {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 
+#include "pipeline/device/device.h"
 #include "pipeline/device/prefix_sum.h"
 #include "pipeline/device/radix_sort.h"
 #include "pipeline/device/segmented_reduce.h"

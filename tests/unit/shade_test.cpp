@@ -5,7 +5,9 @@
 #include <limits>
 
 #include "pipeline/base/error.h"
-#include "pipeline/render/camera.h"
+#include "pipeline/trace/camera_rays.h"
+#include "pipeline/trace/surface.h"
+#include "rbvh/camera.h"
 
 namespace rbvh {
 namespace {

@@ -5,9 +5,10 @@
 #include <functional>
 #include <string_view>
 
+#pragma GCC visibility push(default)
 namespace rbvh {
 
-/// Called with a phase's name and the fraction done in [0, 1]. May throw Error(kInterrupted) to stop the
+/// Called with a phase's name and the fraction done in [0, 1]. May throw to stop the
 /// work. An empty function is fine: use report().
 using Progress = std::function<void(std::string_view phase, double fraction)>;
 
@@ -16,3 +17,4 @@ inline void report(const Progress& progress, std::string_view phase, double frac
 }
 
 }  // namespace rbvh
+#pragma GCC visibility pop

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 
+#pragma GCC visibility push(default)
 namespace rbvh {
 
 template <class T>
@@ -92,3 +93,4 @@ using Bounds3f = Bounds3<float>;
 using Bounds3d = Bounds3<double>;
 
 }  // namespace rbvh
+#pragma GCC visibility pop

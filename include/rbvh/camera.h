@@ -5,10 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "kernels/common/layout.h"
-#include "pipeline/base/vec.h"
-#include "pipeline/trace/camera_rays.h"
+#include "rbvh/geometry.h"
+#include "rbvh/ray.h"
 
+#pragma GCC visibility push(default)
 namespace rbvh {
 
 /// What a user may say. What is given is used unchanged; what is not is chosen by place_camera().
@@ -45,3 +45,4 @@ CameraRays camera_rays(const Camera& camera, std::uint32_t width, std::uint32_t 
                        double offset_y = 0.5);
 
 }  // namespace rbvh
+#pragma GCC visibility pop

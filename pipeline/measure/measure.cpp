@@ -1,14 +1,13 @@
-#include "pipeline/measure/measure_levels.h"
+#include "rbvh/measure.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
 #include <memory>
-#include <tuple>
 
 #include "pipeline/base/text.h"
-#include "pipeline/proxy/proxy_surface.h"
+#include "pipeline/measure/fidelity.h"
+#include "pipeline/measure/image_error.h"
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/render/shade.h"
 #include "pipeline/trace/make_tracer.h"
 
@@ -20,12 +19,6 @@ constexpr std::size_t kDistanceSamples = 200'000;
 constexpr std::uint64_t kBytesPerPixel = 200;
 constexpr std::uint64_t kBytesPerSurfaceTexel = 200;  // two triangles and their hierarchy
 constexpr double kControlOffset = 0.25;  // where in the pixel, both ways; the pictures' own rays are at 0.5
-
-std::string three_digits(float value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", static_cast<double>(value));
-  return text;
-}
 
 void add(ImageError& sum, const ImageError& error, double weight) {
   sum.rmse += error.rmse * weight;
@@ -112,7 +105,7 @@ std::vector<LevelMeasure> measure_levels(const Device& device, const Asset& pair
     measure.diagonal = static_cast<double>(exact.bounds.diagonal());
     measure.texel = texel_side(*pair.rbvh()->find_level(level));
     measures.push_back(measure);
-    tracers.push_back(make_tracer(device, pair, {.level = level, .scene = {}, .spread = 0}));
+    tracers.push_back(make_tracer(device, pair, level, SceneConfig{}));
     casts.push_back([&tracer = *tracers.back()](const CameraRays& rays) { return intersect(tracer, rays); });
   }
   ViewsConfig views = config.views;
@@ -128,78 +121,6 @@ std::vector<LevelMeasure> measure_levels(const Device& device, const Asset& pair
   for (std::size_t i = 0; i < results.size(); ++i) measures[i].views = results[i];
   if (config.distances) measure_distances(*pair.rbvh(), *exact.scan(), pair.path, config, progress, measures);
   return measures;
-}
-
-LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& config) {
-  const ViewsFidelity& views = measure.views;
-  const auto narrow = [](double value) { return static_cast<float>(value); };
-  LevelFidelity f{};
-  f.mask_mismatch_percent = static_cast<float>(views.all.mismatch_percent());
-  f.median_dt = static_cast<float>(views.all.dt.median);
-  f.p99_dt = static_cast<float>(views.all.dt.p99);
-  f.holes = static_cast<std::uint32_t>(views.worst_holes);
-  f.leaks = static_cast<std::uint32_t>(views.worst_leaks);
-  f.walls = static_cast<std::uint32_t>(views.worst_walls);
-  // No ray that hit both: nothing was measured that could be kept.
-  f.measured = !std::isnan(f.median_dt);
-  if (!f.measured) return f;
-  LevelMeasures& m = f.more;
-  m.silhouette_percent = narrow(views.all.silhouette_percent());
-  m.p999_dt = narrow(views.all.dt.p999);
-  m.median_normal = narrow(views.all.normal_degrees.median);
-  m.p95_normal = narrow(views.all.normal_degrees.p95);
-  m.image_rmse = narrow(measure.image.rmse);
-  m.image_psnr = narrow(measure.image.psnr);
-  m.image_ssim = narrow(measure.image.ssim);
-  m.control_rmse = narrow(measure.control.rmse);
-  m.control_psnr = narrow(measure.control.psnr);
-  m.control_ssim = narrow(measure.control.ssim);
-  m.to_scan_rms = narrow(measure.to_scan.rms / measure.diagonal);
-  m.to_scan_max = narrow(measure.to_scan.max / measure.diagonal);
-  m.to_level_rms = narrow(measure.to_level.rms / measure.diagonal);
-  m.to_level_max = narrow(measure.to_level.max / measure.diagonal);
-  m.texel = narrow(measure.texel / measure.diagonal);
-  m.views = static_cast<std::uint32_t>(config.views);
-  m.resolution = config.resolution;
-  return f;
-}
-
-double error_percent(const LevelFidelity& f) {
-  if (!f.measured || f.more.views == 0) return std::numeric_limits<double>::quiet_NaN();
-  return 100 * static_cast<double>(std::max(f.more.to_scan_rms, f.more.to_level_rms));
-}
-
-std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found) {
-  const LevelMeasures &a = stored.more, &b = found.more;
-  const std::tuple<const char*, std::uint32_t, std::uint32_t> counts[] = {
-      {"holes", stored.holes, found.holes},
-      {"leaks", stored.leaks, found.leaks},
-      {"walls", stored.walls, found.walls}};
-  for (const auto& [name, was, is] : counts)
-    if (is > was + std::max(2u, was / 4))
-      return std::to_string(is) + " " + name + ", where the file says " + std::to_string(was);
-  struct Figure {
-    const char* name;
-    float was, is, scale;
-  };
-  const Figure figures[] = {
-      {"% mask mismatch", stored.mask_mismatch_percent, found.mask_mismatch_percent, 1},
-      {"of the diagonal as median |dt|", stored.median_dt, found.median_dt, 1},
-      {"of the diagonal as p99 of |dt|", stored.p99_dt, found.p99_dt, 1},
-      {"% of the diagonal from level to scan (rms)", a.to_scan_rms, b.to_scan_rms, 100},
-      {"% of the diagonal from scan to level (rms)", a.to_level_rms, b.to_level_rms, 100}};
-  for (const Figure& f : figures) {
-    if (f.is > 1.25f * f.was + 1e-6f)
-      return three_digits(f.is * f.scale) + " " + f.name + ", where the file says " +
-             three_digits(f.was * f.scale);
-  }
-  return {};
-}
-
-ProxyMeasure measure_proxy(const Proxy& proxy, const Scan& scan) {
-  const TriangleSoup from = surface_of(scan), to = surface_of(proxy);
-  return {sampled_distance(to, ClosestPoint(from), kDistanceSamples),
-          sampled_distance(from, ClosestPoint(to), kDistanceSamples), bounds(scan).diagonal()};
 }
 
 }  // namespace rbvh

@@ -4,14 +4,21 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
+#include <string_view>
 #include <vector>
 
-#include "pipeline/render/camera.h"
-#include "pipeline/render/image.h"
-#include "pipeline/render/shade.h"
-#include "pipeline/trace/tracer.h"
+#include "rbvh/camera.h"
+#include "rbvh/image.h"
+#include "rbvh/tracer.h"
 
+#pragma GCC visibility push(default)
 namespace rbvh {
+
+enum class Aov { kShaded, kNormal, kDepth, kPosition, kLeaf, kSteps };
+
+/// "shaded", "normal" ..., or nothing for any other word.
+std::optional<Aov> find_aov(std::string_view name);
 
 inline constexpr int kShadedSamples = 4;  ///< rays a pixel, unless more or fewer are asked for
 
@@ -36,3 +43,4 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
              RenderTimings* timings = nullptr);
 
 }  // namespace rbvh
+#pragma GCC visibility pop

@@ -7,8 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/base/vec.h"
+#include "rbvh/geometry.h"
 
+#pragma GCC visibility push(default)
 namespace rbvh {
 
 using Triangle = std::array<std::uint32_t, 3>;
@@ -68,3 +69,4 @@ Scan shift_to_float(RawScan&& raw);
 void move_to_shift(Scan& scan, const Vec3d& shift);
 
 }  // namespace rbvh
+#pragma GCC visibility pop

@@ -4,14 +4,29 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
-#include "kernels/common/layout.h"
-#include "pipeline/device/device.h"
-#include "pipeline/trace/surface.h"
+#include "rbvh/device.h"
+#include "rbvh/geometry.h"
+#include "rbvh/ray.h"
 
+#pragma GCC visibility push(default)
 namespace rbvh {
+
+struct Asset;
+
+/// What surfaces without colours are made of, in linear light.
+inline constexpr Vec3f kClay{0.50f, 0.455f, 0.41f};
+
+/// The surface at each hit, in their order. Colours are linear light; empty: kClay.
+struct SurfaceSamples {
+  std::vector<Vec3f> normals;  ///< smooth, unit, unflipped; zero where nothing is hit
+  std::vector<Vec3f> colors;
+};
 
 enum class RayQuery { kNearest, kAny };
 
@@ -48,6 +63,24 @@ struct Tracer {
   Tracer& operator=(Tracer&&) = default;
 };
 
+/// How an asset is traced.
+struct TracerConfig {
+  /// A pair's level, such as "Q2"; empty: the finest; "auto": for each ray the coarsest level whose texels it
+  /// covers. Ignored for other assets.
+  std::string level;
+  float spread = 0;  ///< of "auto": the width of rays that are not a camera's over their length
+  std::string traversal,
+      builder;  ///< of scans, by the names that `rbvh render --tracer list` prints; empty: default
+  std::uint64_t patch_cache_bytes = std::uint64_t{256}
+                                    << 20;  ///< of proxies' hierarchies on the device at once
+  double pixels = 1;                        ///< of a camera, that a proxy's micro-quad measures
+};
+
+/// `asset` must outlive the tracer. Throws Error(kUsage) for a level or method that is not there,
+/// Error(kBudget) where the device cannot hold it.
+std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset,
+                                    const TracerConfig& config = {});
+
 /// Casts rays in batches that fit the device; as many steps where asked for.
 std::vector<Hit> intersect(const Tracer& tracer, std::span<const Ray> rays,
                            RayQuery query = RayQuery::kNearest, std::vector<std::uint32_t>* steps = nullptr);
@@ -60,3 +93,4 @@ std::vector<Hit> intersect(const Tracer& tracer, const CameraRays& camera,
 std::vector<std::uint8_t> occluded(const Tracer& tracer, std::span<const Ray> rays);
 
 }  // namespace rbvh
+#pragma GCC visibility pop

@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/base/srgb.h"
-
+#pragma GCC visibility push(default)
 namespace rbvh {
 
 /// Floats, row by row from the top left, channels interleaved.
@@ -31,3 +30,4 @@ Image make_image(Image::Kind kind, std::uint32_t width, std::uint32_t height,
                  std::vector<std::string> channels);
 
 }  // namespace rbvh
+#pragma GCC visibility pop

@@ -1,0 +1,79 @@
+// From a scan to a rasterized BVH. Novak & Dachsbacher, "Rasterized Bounding Volume Hierarchies",
+// Eurographics 2012.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rbvh/asset.h"
+#include "rbvh/device.h"
+#include "rbvh/progress.h"
+#include "rbvh/scan.h"
+
+#pragma GCC visibility push(default)
+namespace rbvh {
+
+/// One quality level's parameters (the paper's table 2).
+struct LevelConfig {
+  std::string name;
+  float rho;          ///< texels per unit of normalised area
+  float alpha;        ///< least projected area over area
+  float phi_degrees;  ///< widest half-angle of the cone of normals
+};
+
+/// Q0 (finest) to Q4.
+const std::vector<LevelConfig>& standard_levels();
+
+/// Quality that varies over the scan (section 3.5 of the paper).
+struct Focus {
+  Vec3f center{};
+  float radius = 0;   ///< within it the quality is `level`'s; scan units, > 0
+  LevelConfig level;  ///< levels finer than this one are not changed
+};
+
+enum class Refinement { kProjectedArea, kConeOfNormals };
+
+/// The rays that the pair is mostly traced with: they set the best side of a tile (section 3.4 of the paper).
+enum class RaysKind { kCoherent, kIncoherent };
+
+/// Which leaves fall back to exact primitives. kOff: none. kAuto: leaves of few primitives, where a height
+/// field is a poor fit or takes more bytes. kAlways: all; nodes are split until every leaf has few enough.
+enum class Hybrid { kOff, kAuto, kAlways };
+
+enum class SplitRule {
+  kSpatialMedian,  ///< the middle of the longest axis
+  kSurfaceArea,    ///< the least of equation 1, S(b) A(b) + S(c) A(c), among 32 planes along each axis
+};
+
+enum class PartitionWhere { kDevice, kHost };
+
+struct BuildConfig {
+  std::vector<LevelConfig> levels = standard_levels();
+  Refinement refinement = Refinement::kProjectedArea;
+  SplitRule split = SplitRule::kSpatialMedian;
+  PartitionWhere partition = PartitionWhere::kDevice;
+  RaysKind rays = RaysKind::kCoherent;
+  std::optional<Focus> focus = std::nullopt;
+  double area = 0;  ///< the surface area that the levels' rho is for, scan units squared; 0: the scan's own
+  Hybrid hybrid = Hybrid::kAuto;
+};
+
+/// For reports: seconds by phase, summed over levels.
+struct BuildTimings {
+  double upload = 0, partition = 0, rasterize = 0, pack = 0;
+  struct PerLevel {
+    std::string name;
+    double seconds = 0;
+  };
+  std::vector<PerLevel> levels;
+};
+
+/// Builds a pair in memory: an asset to trace, or to save. The scan must have finite positions only; a cloud
+/// needs normals and radii. Same scan, configuration and device: same result. Throws Error(kInput) for a scan
+/// whose area is zero or beyond what float can work with, Error(kBudget) where a level needs too many texels.
+Asset build_pair(const Device& device, const Scan& scan, const BuildConfig& config = {},
+                 const Progress& progress = {}, BuildTimings* timings = nullptr);
+
+}  // namespace rbvh
+#pragma GCC visibility pop

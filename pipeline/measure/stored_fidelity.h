@@ -1,0 +1,22 @@
+// What a pair's file keeps of what was measured, and how it is compared.
+#pragma once
+
+#include <string>
+
+#include "pipeline/rbvh/rbvh.h"
+#include "rbvh/measure.h"
+
+namespace rbvh {
+
+/// What a pair's file keeps of it. Wants images and distances to have been measured.
+LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& views);
+
+/// The larger of the two surface distances' RMS, in % of the diagonal: what `lod --max-error` means. NaN
+/// where it was not measured.
+double error_percent(const LevelFidelity& fidelity);
+
+/// A figure that is worse than the file says, in words ("3 holes, where the file says 0"), or nothing: beyond
+/// what another device's rounding could explain. Both measured, with the same views.
+std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found);
+
+}  // namespace rbvh

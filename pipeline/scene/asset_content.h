@@ -1,0 +1,21 @@
+// What an Asset holds: one of the three kinds.
+#pragma once
+
+#include <variant>
+
+#include "pipeline/rbvh/rbvh.h"
+#include "pipeline/scene/scene.h"
+#include "rbvh/asset.h"
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+struct AssetContent {
+  std::variant<Rbvh, Scan, Scene> value;
+};
+
+/// Without path and name.
+Asset make_asset(Rbvh&& rbvh);
+Asset make_asset(Scene&& scene);
+
+}  // namespace rbvh
