@@ -116,10 +116,10 @@ typedef struct RbvhTile {
 RBVH_LAYOUT_SIZE(RbvhTile, 96);
 
 // --- points on the surface
-// ------------------------------------------------------------------------------------------ A leaf that a
-// point lies near, and where: u, v in texels of its tile. `distance` in scan units to the leaf's surface: of
-// a tile along its w, of a leaf that keeps primitives to the nearest of them. `covers` 0: the point lies
-// beside the tile's surface, and `distance` is none.
+
+// A leaf that a point lies near, and where: u, v in texels of its tile. `distance` in scan units to the
+// leaf's surface: of a tile along its w, of a leaf with exact primitives to the nearest of them. `covers` 0:
+// the point lies beside the tile's surface, and `distance` is none.
 typedef struct PointHit {
   rbvh_u32 leaf;
   float u, v;
@@ -129,8 +129,8 @@ typedef struct PointHit {
 RBVH_LAYOUT_SIZE(PointHit, 20);
 
 // --- building
-// ------------------------------------------------------------------------------------------------------- A
-// run of primitive references of one node or tile: what one work-item handles.
+
+// A run of primitive references of one node or tile: what one work-item handles.
 typedef struct Run {
   rbvh_u32 owner;  // node or tile
   rbvh_u32 begin, end;
@@ -140,7 +140,7 @@ RBVH_LAYOUT_SIZE(Run, 12);
 // Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
 // RBVH_SPLIT_FACING: those whose normal's cosine with `direction` is at least `position`; RBVH_SPLIT_COUNT:
 // the first half of them; RBVH_SPLIT_OBJECT: those of the object `middle`; RBVH_SPLIT_BOUNDARY: those that
-// touch the surface's rim.
+// touch a boundary edge of the surface.
 #define RBVH_SPLIT_PLANE 0u
 #define RBVH_SPLIT_FACING 1u
 #define RBVH_SPLIT_COUNT 2u
@@ -173,14 +173,15 @@ typedef struct SplitBin {
 } SplitBin;
 RBVH_LAYOUT_SIZE(SplitBin, 32);
 
-// The objects of some primitives: the first two ids met, and 1, 2 or, for more, 3.
+// The objects of some primitives: the first two ids found, and 1, 2 or, for more, 3.
 typedef struct ObjectSet {
   rbvh_u32 ids[2];
   rbvh_u32 count;
 } ObjectSet;
 RBVH_LAYOUT_SIZE(ObjectSet, 12);
 
-// A node of the partition, as the search for a tile's guests reads it: references [begin, end).
+// A node of the partition, as the search for a tile's overlapping neighbours reads it: references [begin,
+// end).
 typedef struct PartitionBox {
   float lo[3];
   rbvh_i32 left;  // its children are left and left + 1; -1: none
@@ -190,7 +191,7 @@ typedef struct PartitionBox {
 } PartitionBox;
 RBVH_LAYOUT_SIZE(PartitionBox, 36);
 
-// What touches the box and is not among the references [begin, end) is a guest.
+// What touches the box and is not among the references [begin, end) is an overlapping neighbour.
 typedef struct OverlapQuery {
   float lo[3];
   rbvh_u32 begin;
@@ -206,7 +207,7 @@ typedef struct PrimitiveSums {
   float hi[3];
   float area;
   float area_normal[3];  // sum of area times unit normal; its length is the projected area
-  float boundary;        // how many touch the surface's rim
+  float boundary;        // how many touch a boundary edge
 } PrimitiveSums;
 RBVH_LAYOUT_SIZE(PrimitiveSums, 48);
 
