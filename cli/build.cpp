@@ -4,17 +4,19 @@
 
 #include "cli/common.h"
 #include "cli/layer_options.h"
-#include "cli/measure.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
+#include "cli/views_options.h"
 #include "io/hash.h"
 #include "io/input_file.h"
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
+#include "pipeline/measure/measure_json.h"
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/layers.h"
 #include "pipeline/scan/ingest.h"
+#include "pipeline/trace/make_tracer.h"
 
 namespace rbvh {
 namespace {
@@ -157,9 +159,9 @@ nlohmann::ordered_json options_json(const BuildOptions& options, const std::vect
   return json;
 }
 
-// Fills in the levels' fidelity; gives the scan back.
-Scan measure_pair(Context& context, const Device& device, const ViewsConfig& views, Rbvh& rbvh, Scan&& scan) {
-  Subject exact, pair;
+// Fills in the levels' fidelity.
+void measure_pair(Context& context, const Device& device, const ViewsConfig& views, Rbvh& rbvh, Scan& scan) {
+  Asset exact, pair;
   exact.bounds = pair.bounds = bounds(scan);
   exact.is_cloud = pair.is_cloud = scan.is_cloud();
   exact.content = std::move(scan);
@@ -167,12 +169,13 @@ Scan measure_pair(Context& context, const Device& device, const ViewsConfig& vie
   MeasureConfig config;
   config.views = views;
   config.images = config.distances = true;
+  config.memory = context.memory;
   const std::vector<LevelMeasure> measures =
-      measure_levels(context, device, pair, exact, choose_levels(context, pair, {"all"}), config);
+      measure_levels(device, pair, exact, choose_levels(pair, {"all"}), config, context.progress.callback());
+  scan = std::move(std::get<Scan>(exact.content));
   rbvh = std::move(std::get<Rbvh>(pair.content));
   for (std::size_t i = 0; i < measures.size(); ++i)
     rbvh.levels[i].fidelity = stored_fidelity(measures[i], config.views);
-  return std::move(std::get<Scan>(exact.content));
 }
 
 void run_build(Context& context, const BuildOptions& options) {
@@ -193,12 +196,12 @@ void run_build(Context& context, const BuildOptions& options) {
   {
     refuse_proxy(options.file);
     const InputBytes bytes = read_input(options.file);
-    check_budget(context, bytes.size * 3, options.file, "reading it");
+    check_budget(context.memory, bytes.size * 3, options.file, "reading it");
     hash = hash_bytes(bytes.view());
     scan = read_ingested(options.file, bytes.view());
   }
   const std::uint64_t primitives = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
-  check_budget(context,
+  check_budget(context.memory,
                scan.positions.size() * kBytesPerVertex + primitives * kBytesPerPrimitive +
                    static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel,
                options.file, "building it");
@@ -212,7 +215,7 @@ void run_build(Context& context, const BuildOptions& options) {
     try {
       return work();
     } catch (const Error& error) {
-      throw Error(error.kind(), input_name(options.file), error.what());
+      throw Error(error.kind(), input_name(options.file), error.what(), error.remedy());
     }
   };
   Rbvh rbvh =
@@ -227,7 +230,7 @@ void run_build(Context& context, const BuildOptions& options) {
   const double layer_seconds = watch.lap();
   double measure_seconds = 0;
   if (options.measure) {
-    scan = measure_pair(context, device, options.views, rbvh, std::move(scan));
+    measure_pair(context, device, options.views, rbvh, scan);
     measure_seconds = watch.lap();
   }
   rbvh.build_options = options_json(options, config.levels).dump();

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <limits>
 #include <set>
 
 #include "io/output_file.h"
@@ -57,16 +56,10 @@ bool use_color(const Context& context) {
   return !context.no_color && !(no_color && *no_color) && isatty(STDERR_FILENO);
 }
 
-std::uint64_t machine_memory() {
-  const long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGE_SIZE);
-  if (pages <= 0 || size <= 0) return std::numeric_limits<std::uint64_t>::max();
-  return static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(size);
-}
-
 constexpr int kMostThreads = 256;
 
 void begin_stage(Context& context) {
-  context.start = std::chrono::steady_clock::now();
+  context.watch = {};
   if (!context.log_path.empty()) open_log(context);
   if (!context.report_path.empty()) check_output(context.report_path, context.force);
   // More than the system can start would abort within PoCL.
@@ -88,8 +81,7 @@ void end_stage(Context& context) {
   if (g_log_failed)
     throw Error(ErrorKind::kFailure, context.log_path, "the log could not be written to its end");
   if (context.report_path.empty()) return;
-  const std::chrono::duration<double> total = std::chrono::steady_clock::now() - context.start;
-  context.report["timings"]["total"] = total.count();
+  context.report["timings"]["total"] = context.watch.lap();
   OutputFile file(context.report_path, context.force);
   file.write(context.report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   file.commit();
@@ -146,7 +138,7 @@ CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsi
   group(
       add_parsed(*stage, "--log", context.log_path, parse_output, "FILE", "append all messages, with times"));
   group(add_parsed(*stage, "--threads", context.threads, parse_positive, "N", "host threads (default: all)"));
-  group(add_parsed(*stage, "--memory", context.memory_budget, parse_bytes, "SIZE",
+  group(add_parsed(*stage, "--memory", context.memory.bytes, parse_bytes, "SIZE",
                    "give up (exit 5) rather than need more, e.g. 2G (default: what the machine has)"));
   group(stage->add_flag("--no-color", context.no_color, "no colours on a terminal (as NO_COLOR)"));
   group(add_parsed(*stage, "--progress", context.progress_mode, parse_progress_mode, "HOW",
@@ -194,48 +186,6 @@ void print_error(Context& context, const std::string& line) {
   to_log(spdlog::level::err, line);
 }
 
-void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
-                  const std::string& what) {
-  const bool is_given = context.memory_budget > 0;
-  const std::uint64_t most = is_given ? context.memory_budget : machine_memory();
-  if (bytes <= most) return;
-  throw Error(ErrorKind::kBudget, file,
-              what + " needs about " + format_bytes(bytes) + ", over the " + format_bytes(most) +
-                  (is_given ? " of --memory; raise it or ask for less" : " of this machine; ask for less"));
-}
-
-void check_read_budget(const Context& context, const std::string& path, std::uint64_t times) {
-  std::error_code no_size;
-  const std::uintmax_t size = std::filesystem::file_size(path, no_size);
-  if (!no_size) check_budget(context, size * times, path, "reading it");
-}
-
-std::string format_bytes(std::uint64_t bytes) {
-  static const char* const kUnits[] = {"B", "kB", "MB", "GB", "TB"};
-  double value = static_cast<double>(bytes);
-  int unit = 0;
-  while (value >= 999.5 && unit < 4) {
-    value /= 1000;
-    ++unit;
-  }
-  char text[32];
-  std::snprintf(text, sizeof text, unit == 0 ? "%.0f %s" : "%.3g %s", value, kUnits[unit]);
-  return text;
-}
-
-std::string plural(const std::string& noun) {
-  const auto ends = [&](std::string_view end) { return noun.ends_with(end); };
-  if (ends("leaf")) return noun.substr(0, noun.size() - 1) + "ves";
-  if (ends("vertex")) return noun.substr(0, noun.size() - 2) + "ices";
-  if (ends("radius")) return noun.substr(0, noun.size() - 2) + "i";
-  if (ends("patch")) return noun + "es";
-  return noun + "s";
-}
-
-std::string counted(std::uint64_t count, const std::string& noun) {
-  return std::to_string(count) + " " + (count == 1 ? noun : plural(noun));
-}
-
 nlohmann::ordered_json device_json(const DeviceInfo& info) {
   return {{"index", info.index},
           {"name", info.name},
@@ -253,13 +203,6 @@ nlohmann::ordered_json device_json(const DeviceInfo& info) {
 
 double mrays_per_second(std::uint64_t rays, double seconds) {
   return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
-}
-
-double Stopwatch::lap() {
-  const auto now = std::chrono::steady_clock::now();
-  const std::chrono::duration<double> passed = now - last_;
-  last_ = now;
-  return passed.count();
 }
 
 }  // namespace rbvh

@@ -18,7 +18,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -29,6 +28,9 @@
 #include "cli/parse.h"
 #include "cli/progress.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/memory_budget.h"
+#include "pipeline/base/stopwatch.h"
+#include "pipeline/base/text.h"
 
 namespace rbvh {
 
@@ -42,16 +44,16 @@ struct Context {
   bool quiet = false;
   bool verbose = false;
   std::string log_path;
-  std::string device;               ///< as Device::open() takes it
-  int threads = 0;                  ///< 0: all
-  std::uint64_t memory_budget = 0;  ///< bytes; 0: what the machine has
+  std::string device;  ///< as Device::open() takes it
+  int threads = 0;     ///< 0: all
+  MemoryBudget memory;
   bool no_color = false;
   ProgressMode progress_mode = ProgressMode::kAuto;
   std::string report_path;
 
   ProgressReporter progress;
   nlohmann::ordered_json report;  ///< for --report: a stage adds counts, timings, bytes
-  std::chrono::steady_clock::time_point start;
+  Stopwatch watch;                ///< since the stage began
 };
 
 struct StageText {
@@ -110,32 +112,8 @@ void warn(Context& context, const std::string& line);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
 
-/// Throws Error(kBudget) when `bytes` for `what` is more than --memory, or than the machine has.
-void check_budget(const Context& context, std::uint64_t bytes, const std::string& file,
-                  const std::string& what);
-
-/// The same for reading a file as it is and what is made of its bytes; nothing where it has no size (a pipe).
-void check_read_budget(const Context& context, const std::string& path, std::uint64_t times = 2);
-
-/// "12.3 MB".
-std::string format_bytes(std::uint64_t bytes);
-
-/// "levels" of "level", "leaves" of "leaf".
-std::string plural(const std::string& noun);
-/// "1 level", "2 levels".
-std::string counted(std::uint64_t count, const std::string& noun);
-
 /// A device as reports and `devices --json` have it.
 nlohmann::ordered_json device_json(const DeviceInfo& info);
-
-/// Seconds since it was made or since the last lap().
-class Stopwatch {
- public:
-  double lap();
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 /// Million rays per second, for reports; 0 where no time passed.
 double mrays_per_second(std::uint64_t rays, double seconds);

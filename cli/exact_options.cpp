@@ -77,25 +77,16 @@ void report_exact(Context& context, const ExactConfig& config) {
   context.report["builder"] = info(config.builder).name;
 }
 
-void check_exact_budget(const Context& context, const Subject& subject, const ExactConfig& config) {
-  const Scan& scan = *subject.scan();
-  const std::uint64_t primitives = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
-  check_budget(context, primitives * static_cast<std::uint64_t>(info(config.builder).bytes), subject.path,
-               "its hierarchy");
-}
-
-void check_exact_options(const Context& context, const ExactOptions& options, const ExactConfig& config,
-                         const Subject& subject) {
-  if (subject.scene()) return;  // whichever of its objects are scans
-  if (subject.rbvh()) {
+void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Asset& asset) {
+  if (asset.scene()) return;  // whichever of its objects are scans
+  if (asset.rbvh()) {
     if (options.tracer || options.builder)
-      throw Error(ErrorKind::kUsage, subject.path, "--tracer and --builder are for scans; this is a pair");
-  } else if (subject.is_cloud && !info(config.traversal).discs) {
-    throw Error(ErrorKind::kUsage, subject.path,
+      throw Error(ErrorKind::kUsage, asset.path, "--tracer and --builder are for scans; this is a pair");
+  } else if (asset.is_cloud && !info(config.traversal).discs) {
+    throw Error(ErrorKind::kUsage, asset.path,
                 std::string("--tracer ") + info(config.traversal).name +
                     " casts triangles only, and this is a cloud; take " + kExactTraversals[0].name);
   }
-  if (subject.scan()) check_exact_budget(context, subject, config);
 }
 
 }  // namespace rbvh

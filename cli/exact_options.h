@@ -4,7 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "cli/subject.h"
+#include "cli/common.h"
+#include "pipeline/scene/asset.h"
 #include "pipeline/trace/trace_exact.h"
 
 namespace rbvh {
@@ -24,13 +25,9 @@ ExactTraversal parse_tracer(std::string_view name);
 /// builder do not fit.
 ExactConfig exact_config(const ExactOptions& options, std::optional<ExactTraversal> tracer = {});
 
-/// Throws Error(kBudget) where --memory has no room for a scan's hierarchy.
-void check_exact_budget(const Context& context, const Subject& subject, const ExactConfig& config);
-
-/// Throws Error(kUsage) where the words are for a scan and the subject is a pair, or the subject is a cloud
-/// and the tracer takes triangles only; a scan's budget is checked, too.
-void check_exact_options(const Context& context, const ExactOptions& options, const ExactConfig& config,
-                         const Subject& subject);
+/// Throws Error(kUsage) where the words are for a scan and the asset is a pair, or the asset is a cloud and
+/// the tracer takes triangles only.
+void check_exact_options(const ExactOptions& options, const ExactConfig& config, const Asset& asset);
 
 /// Says in the report how a scan was cast.
 void report_exact(Context& context, const ExactConfig& config);

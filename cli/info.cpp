@@ -1,21 +1,11 @@
 // rbvh info: what a pair, a proxy, a scan or a scene holds.
 #include <spdlog/fmt/fmt.h>
 
-#include <cmath>
-#include <filesystem>
-#include <map>
 #include <memory>
-#include <set>
 
 #include "cli/common.h"
-#include "cli/measure.h"
 #include "cli/stages.h"
-#include "cli/subject.h"
-#include "io/proxy_file.h"
-#include "io/rbvh_file.h"
-#include "io/scan_io.h"
-#include "io/scene_file.h"
-#include "pipeline/proxy/proxy_surface.h"
+#include "io/describe.h"
 
 namespace rbvh {
 namespace {
@@ -29,22 +19,6 @@ std::string printable(std::string text) {
   return text;
 }
 
-std::string hex(std::uint64_t hash) { return fmt::format("{:016x}", hash); }
-
-// The shortest decimal that is this float: 0.85, not 0.8500000238418579.
-Json float_json(float value) { return Json::parse(fmt::format("{}", value), nullptr, false); }
-
-template <class T>
-Json vec_json(const Vec3<T>& v) {
-  return {v.x, v.y, v.z};
-}
-
-template <class T>
-Json bounds_json(const Bounds3<T>& b) {
-  if (b.empty()) return nullptr;
-  return {{"lo", vec_json(b.lo)}, {"hi", vec_json(b.hi)}};
-}
-
 std::string vec_text(const Json& v) {
   return fmt::format("{:.9g} {:.9g} {:.9g}", v[0].get<double>(), v[1].get<double>(), v[2].get<double>());
 }
@@ -56,72 +30,6 @@ std::string bounds_text(const Json& b) {
 // "1 level": of the JSON's own "levels".
 std::string count(const Json& json, const std::string& noun) {
   return counted(json[plural(noun)].get<std::uint64_t>(), noun);
-}
-
-// --- pairs
-// --------------------------------------------------------------------------------------------------------
-
-std::uint64_t primitives_of(const RbvhSource& source) {
-  return source.triangles > 0 ? source.triangles : source.vertices;
-}
-
-Json level_json(const Level& level, std::uint64_t primitives) {
-  Json json = {{"name", level.name},
-               {"rho", float_json(level.rho)},
-               {"alpha", float_json(level.alpha)},
-               {"phi_degrees", float_json(level.phi_degrees)},
-               {"nodes", level.nodes.size()},
-               {"leaves", level.leaves.size()},
-               {"exact_leaves", level.exact_leaves.size()},
-               {"exact_primitives", level.exact_primitives.size()},
-               {"atlas", {level.atlas_width, level.atlas_height}},
-               {"texels_used", level.texels_used},
-               {"bytes", level.stored_bytes},
-               {"bytes_per_primitive", primitives == 0 ? Json(nullptr)
-                                                       : Json(static_cast<double>(level.stored_bytes) /
-                                                              static_cast<double>(primitives))},
-               {"bounds", bounds_json(level.bounds)},
-               {"layers", Json::array()},
-               {"fidelity", nullptr}};
-  for (const Layer& layer : level.layers) {
-    const auto [width, height] = atlas_size(level, layer);
-    json["layers"].push_back({{"name", layer.name},
-                              {"channels", layer.channels},
-                              {"atlas", {width, height}},
-                              {"lo", float_json(layer.lo)},
-                              {"hi", float_json(layer.hi)}});
-  }
-  json["derived_from"] = level.derived_from.empty() ? Json(nullptr) : Json(level.derived_from);
-  json["fidelity"] = fidelity_json(level.fidelity);
-  return json;
-}
-
-Json pair_json(const Context& context, const std::string& path) {
-  PairHeader header;
-  const Rbvh rbvh = load_pair(context, path, &header);
-  const RbvhSource& source = rbvh.source;
-  Json json = {
-      {"file", path},
-      {"kind", "rbvh"},
-      {"format", fmt::format("{}.{}", header.major, header.minor)},
-      {"bytes", header.hierarchy_bytes + header.atlas_bytes},
-      {"hierarchy", {{"bytes", header.hierarchy_bytes}, {"hash", hex(header.hierarchy_hash)}}},
-      {"atlas",
-       {{"file", atlas_path(path)}, {"bytes", header.atlas_bytes}, {"hash", hex(header.atlas_hash)}}},
-      {"source",
-       {{"name", source.name},
-        {"hash", hex(source.hash)},
-        {"kind", source.triangles > 0 ? "mesh" : "cloud"},
-        {"vertices", source.vertices},
-        {"triangles", source.triangles},
-        {"area", source.area},
-        {"units", source.units},
-        {"shift", vec_json(source.shift)},
-        {"bounds", bounds_json(source.bounds)}}},
-      {"build_options", Json::parse(rbvh.build_options)},
-      {"levels", Json::array()}};
-  for (const Level& level : rbvh.levels) json["levels"].push_back(level_json(level, primitives_of(source)));
-  return json;
 }
 
 std::string pair_text(const Json& json) {
@@ -180,47 +88,6 @@ std::string pair_text(const Json& json) {
   return text;
 }
 
-// --- proxies
-// ------------------------------------------------------------------------------------------------------
-
-Json proxy_json(const std::string& path) {
-  ProxyHeader header;
-  const Proxy proxy = load_proxy(path, &header);
-  Bounds3f base;
-  for (const Vec3f& p : proxy.positions) base.add(p);
-  std::uint64_t texels = 0;
-  float longest = 0;
-  std::map<std::uint32_t, std::uint64_t> sides;
-  for (const PatchTile& tile : proxy.tiles) {
-    texels += std::uint64_t{tile.side} * tile.side;
-    longest = std::max(longest, tile.longest_displacement);
-    ++sides[tile.side];
-  }
-  Json json = {{"file", path},
-               {"kind", "proxy"},
-               {"format", fmt::format("{}.{}", header.major, header.minor)},
-               {"bytes", header.bytes()},
-               {"mesh", {{"bytes", header.mesh_bytes}, {"hash", hex(header.mesh_hash)}}},
-               {"map",
-                {{"file", proxy_map_path(path)},
-                 {"bytes", header.map_bytes},
-                 {"hash", hex(header.map_hash)},
-                 {"size", {proxy.map_width, proxy.map_height}}}},
-               {"source",
-                {{"name", header.source.name},
-                 {"hash", hex(header.source.hash)},
-                 {"shift", vec_json(header.source.shift)}}},
-               {"vertices", proxy.positions.size()},
-               {"patches", proxy.quads.size()},
-               {"texels", texels},
-               {"longest_displacement", float_json(longest)},
-               {"base_bounds", bounds_json(base)},
-               {"bounds", bounds_json(surface_bounds(proxy))},
-               {"tiles", Json::array()}};
-  for (const auto& [side, patches] : sides) json["tiles"].push_back({{"side", side}, {"patches", patches}});
-  return json;
-}
-
 std::string proxy_text(const Json& json) {
   const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
   const Json &source = json["source"], &map = json["map"];
@@ -241,58 +108,6 @@ std::string proxy_text(const Json& json) {
   return text + "\n";
 }
 
-// --- scenes
-// -------------------------------------------------------------------------------------------------------
-
-std::uint64_t bytes_of(const std::string& path) {
-  std::error_code code;
-  const std::uintmax_t bytes = std::filesystem::file_size(path, code);
-  return code ? 0 : bytes;
-}
-
-/// With the files that belong to it.
-std::uint64_t object_bytes(const SceneObject& object, const std::string& path) {
-  std::uint64_t bytes = bytes_of(path);
-  if (object.level() != nullptr) bytes += bytes_of(atlas_path(path));
-  if (object.proxy() != nullptr) bytes += bytes_of(proxy_map_path(path)) + bytes_of(proxy_sidecar_path(path));
-  return bytes;
-}
-
-Json scene_json(Context& context, const std::string& path) {
-  const Subject subject = load_subject(context, path);
-  const Scene& scene = *subject.scene();
-  const SceneFile file = read_scene(path);
-  std::vector<std::uint64_t> placed(scene.objects.size(), 0);
-  for (const SceneInstance& instance : scene.instances) ++placed[instance.object];
-  std::uint64_t leaves = 0, bytes = bytes_of(path);
-  Json objects = Json::array();
-  for (std::size_t i = 0; i < scene.objects.size(); ++i) {
-    const SceneObject& object = scene.objects[i];
-    const std::uint64_t own_bytes = object_bytes(object, file.objects[i].path);
-    leaves += placed[i] * leaf_count(object);
-    bytes += own_bytes;
-    objects.push_back({{"name", object.name},
-                       {"file", file.objects[i].path},
-                       {"kind", object.proxy()              ? "proxy"
-                                : object.level()            ? "rbvh"
-                                : object.scan()->is_cloud() ? "cloud"
-                                                            : "mesh"},
-                       {"level", object.level() ? Json(object.level()->name) : Json(nullptr)},
-                       {"leaves", leaf_count(object)},
-                       {"bytes", own_bytes},
-                       {"instances", placed[i]},
-                       {"bounds", bounds_json(object.bounds)}});
-  }
-  return {{"file", path},
-          {"kind", "scene"},
-          {"bytes", bytes},
-          {"up", scene.z_is_up ? "+Z" : "+Y"},
-          {"instances", scene.instances.size()},
-          {"leaves", leaves},
-          {"bounds", bounds_json(subject.bounds)},
-          {"objects", std::move(objects)}};
-}
-
 std::string scene_text(const Json& json) {
   const auto string = [](const Json& value) { return printable(value.get<std::string>()); };
   const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
@@ -307,48 +122,6 @@ std::string scene_text(const Json& json) {
                         counted(object["leaves"].get<std::uint64_t>(), "leaf"), bytes(object["bytes"]),
                         counted(object["instances"].get<std::uint64_t>(), "time"));
   return text;
-}
-
-// --- scans
-// --------------------------------------------------------------------------------------------------------
-
-Json scan_json(const Context& context, const std::string& path) {
-  check_read_budget(context, path);
-  const RawScan scan = read_scan(path);
-  const bool is_mesh = !scan.triangles.empty();
-  Bounds3d box;
-  std::uint64_t non_finite = 0;
-  for (const Vec3d& p : scan.positions) {
-    if (is_finite(p))
-      box.add(p);
-    else
-      ++non_finite;
-  }
-  Json json = {{"file", path},
-               {"kind", is_mesh ? "mesh" : "cloud"},
-               {"vertices", scan.positions.size()},
-               {"triangles", scan.triangles.size()},
-               {"objects", std::set<std::int32_t>(scan.object_ids.begin(), scan.object_ids.end()).size()},
-               {"non_finite", non_finite},
-               {"bounds", bounds_json(box)},
-               {"shift", vec_json(scan.shift)},
-               {"normals", !scan.normals.empty()},
-               {"radii", !scan.radii.empty()},
-               {"colors", !scan.colors.empty()},
-               {"properties", Json::array()},
-               {"notes", scan.notes}};
-  if (scan.object_ids.empty()) json["objects"] = 1;
-  for (const ScalarProperty& property : scan.properties) json["properties"].push_back(property.name);
-  if (is_mesh) {
-    double area = 0;
-    for (const Triangle& t : scan.triangles) {
-      const Vec3d a = scan.positions[t[0]];
-      const double twice = length(cross(scan.positions[t[1]] - a, scan.positions[t[2]] - a));
-      if (std::isfinite(twice)) area += twice / 2;
-    }
-    json["area"] = area;
-  }
-  return json;
 }
 
 std::string scan_text(const Json& json) {
@@ -372,16 +145,13 @@ std::string scan_text(const Json& json) {
 }
 
 void run_info(Context& context, const std::string& path, bool as_json) {
-  const bool is_pair = is_rbvh(path), is_of_quads = is_proxy(path), places = is_scene(path);
-  const Json json = is_pair       ? pair_json(context, path)
-                    : is_of_quads ? proxy_json(path)
-                    : places      ? scene_json(context, path)
-                                  : scan_json(context, path);
-  print_data(as_json       ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
-             : is_pair     ? pair_text(json)
-             : is_of_quads ? proxy_text(json)
-             : places      ? scene_text(json)
-                           : scan_text(json));
+  const Json json = describe(path, {.memory = context.memory, .tessellate = {}});
+  const std::string kind = json["kind"].get<std::string>();
+  print_data(as_json           ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
+             : kind == "rbvh"  ? pair_text(json)
+             : kind == "proxy" ? proxy_text(json)
+             : kind == "scene" ? scene_text(json)
+                               : scan_text(json));
 }
 
 }  // namespace

@@ -53,7 +53,7 @@ constexpr std::uint64_t kBytesPerVertex = 64, kBytesPerFace = 32, kBytesPerPoint
 
 void check_memory(const Context& context, const RawScan& scan, const std::string& input) {
   const std::uint64_t vertices = scan.positions.size();
-  check_budget(context,
+  check_budget(context.memory,
                scan.triangles.empty() ? vertices * kBytesPerPoint
                                       : vertices * kBytesPerVertex + scan.triangles.size() * kBytesPerFace,
                input, "cleaning it");
@@ -63,14 +63,14 @@ RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
   RawScan all;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     context.progress.update("read", static_cast<double>(i) / static_cast<double>(inputs.size()));
-    check_read_budget(context, inputs[i], 1);
+    check_read_budget(context.memory, inputs[i], 1);
     refuse_proxy(inputs[i]);
     RawScan scan = read_scan(inputs[i]);
     for (const std::string& text : scan.notes) warn(context, inputs[i] + ": " + text);
     try {
       merge_scan(all, std::move(scan));
     } catch (const Error& error) {
-      throw Error(error.kind(), inputs[i], error.what());
+      throw Error(error.kind(), inputs[i], error.what(), error.remedy());
     }
     check_memory(context, all, inputs[i]);
   }

@@ -34,7 +34,7 @@ std::vector<std::string> parse_layer_names(std::string_view text) {
 }
 
 std::vector<Vec3f> read_points(const Context& context, const std::string& path) {
-  check_read_budget(context, path);
+  check_read_budget(context.memory, path);
   const FloatTable table = read_npy(path, kPointColumns);
   std::vector<Vec3f> points(table.rows);
   for (std::size_t i = 0; i < table.rows; ++i)

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
-#include "cli/subject.h"
 #include "io/npy.h"
 
 namespace rbvh {

@@ -4,12 +4,13 @@
 #include <numeric>
 #include <optional>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
-#include "cli/measure.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
-#include "cli/subject.h"
+#include "cli/views_options.h"
 #include "io/rbvh_file.h"
+#include "pipeline/measure/measure_json.h"
 #include "pipeline/rbvh/lod.h"
 
 namespace rbvh {
@@ -35,7 +36,7 @@ std::string names_of(const std::vector<Level>& levels) {
   return names;
 }
 
-[[noreturn]] void refuse_level(const Subject& pair, const std::string& name) {
+[[noreturn]] void refuse_level(const Asset& pair, const std::string& name) {
   throw Error(ErrorKind::kUsage, pair.path,
               "there is no level '" + name + "'; there are " + names_of(pair.rbvh()->levels) +
                   ", and standard levels coarser than the finest of them can be derived");
@@ -59,7 +60,7 @@ class Lod {
     check_pair_output(context_);
     Stopwatch watch;
     if (!is_rbvh(options_.file)) throw Error(ErrorKind::kInput, options_.file, "is no .rbvh pair");
-    pair_ = load_subject(context_, options_.file);
+    pair_ = load(context_, options_.file);
     Rbvh& rbvh = std::get<Rbvh>(pair_.content);
     const double load_seconds = watch.lap();
     finest_ = rbvh.levels.front();
@@ -127,14 +128,16 @@ class Lod {
     for (const Level& level : rbvh.levels)
       if (std::isnan(error_percent(level.fidelity))) levels.push_back(level.name);
     if (options_.against.empty() || levels.empty()) return;
-    const Subject exact = load_against(context_, pair_, options_.against);
+    const Asset exact = load_reference(options_.against, rbvh, context_.memory, context_.progress.callback());
     // Here it is not only said: the pair would keep the figures for good.
     if (const auto other = find_other_scan(pair_, exact))
       throw Error(ErrorKind::kInput, options_.against, *other);
     MeasureConfig config;
     config.views = options_.views;
     config.images = config.distances = true;
-    for (const LevelMeasure& m : measure_levels(context_, device(), pair_, exact, levels, config))
+    config.memory = context_.memory;
+    for (const LevelMeasure& m :
+         measure_levels(device(), pair_, exact, levels, config, context_.progress.callback()))
       for (Level& level : rbvh.levels)
         if (level.name == m.level) level.fidelity = stored_fidelity(m, config.views);
   }
@@ -201,7 +204,7 @@ class Lod {
 
   Context& context_;
   const LodOptions& options_;
-  Subject pair_;
+  Asset pair_;
   Level finest_;  // that came in: what others are derived from
   std::optional<Device> device_;
 };

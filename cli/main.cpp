@@ -10,6 +10,7 @@
 
 #include "cli/common.h"
 #include "cli/exit_code.h"
+#include "cli/remedies.h"
 #include "cli/stages.h"
 #include "io/output_file.h"
 
@@ -108,7 +109,7 @@ int main(int argc, char** argv) {
     rbvh::run(app, context, argc, argv);
   } catch (const rbvh::Error& error) {
     code = rbvh::exit_code(error.kind());
-    what = error.what();
+    what = rbvh::error_line(error);
   } catch (const rbvh::BatchFailure& error) {
     code = ExitCode::kBatch;
     what = error.what();

@@ -2,12 +2,14 @@
 #include <cmath>
 #include <memory>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/layer_options.h"
-#include "cli/measure.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
+#include "pipeline/rbvh/layer_painting.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
 
 namespace rbvh {
@@ -28,7 +30,7 @@ struct Paint {
 
 Paint read_paint(const Context& context, const PaintOptions& options) {
   static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
-  check_read_budget(context, options.values);
+  check_read_budget(context.memory, options.values);
   Paint paint{read_points(context, options.points), read_npy(options.values, kColumns)};
   if (paint.values.rows != paint.points.size())
     throw Error(ErrorKind::kInput, options.values,
@@ -51,7 +53,7 @@ Layer& layer_of(Level& level, const PaintOptions& options, std::size_t channels)
                       " is there and has its resolution; --layer-scale is for new ones");
     return layer;
   }
-  if (is_standard_layer(options.layer))
+  if (layer_kind(options.layer) != LayerKind::kUser)
     throw Error(ErrorKind::kUsage, options.file,
                 "level " + level.name + " has no layer " + options.layer + " to paint on");
   level.layers.push_back(
@@ -64,7 +66,8 @@ void run_paint(Context& context, const PaintOptions& options) {
   if (from_scan == (!options.points.empty() || !options.values.empty()) ||
       options.points.empty() != options.values.empty())
     throw Error(ErrorKind::kUsage, "", "what is to be painted? --points with --values, or --scan");
-  if (options.layer == "height" || options.layer == "normal" || (from_scan && options.layer == "color"))
+  const LayerKind kind = layer_kind(options.layer);
+  if (kind != LayerKind::kUser && (from_scan || kind != LayerKind::kColor))
     throw Error(ErrorKind::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
   // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
   const std::string output = context.output.empty() ? options.file : context.output;
@@ -81,16 +84,16 @@ void run_paint(Context& context, const PaintOptions& options) {
   Paint paint;
   Scan scan;
   if (from_scan)
-    scan = load_exact_scan(context, options.scan);
+    scan = load_scan(options.scan, context.memory, context.progress.callback());
   else
     paint = read_paint(context, options);
-  Subject pair = load_subject(context, options.file);
+  Asset pair = load(context, options.file);
   Rbvh& rbvh = std::get<Rbvh>(pair.content);
   move_to_shift(scan, rbvh.source.shift);
   from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
             : warn_of_infinite(context, options.values, paint.values.values);
-  const std::vector<std::string> levels =
-      choose_levels(context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const std::vector<std::string> levels = levels_to_cast(
+      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
   const double load_seconds = watch.lap();
   PaintCounts counts;
   std::optional<Device> device;

@@ -9,14 +9,15 @@
 #include <optional>
 
 #include "cli/common.h"
-#include "cli/measure.h"
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
+#include "io/load_asset.h"
 #include "io/polygon_obj.h"
 #include "io/proxy_file.h"
 #include "io/scan_io.h"
 #include "io/vdm_image.h"
+#include "pipeline/measure/measure_json.h"
 #include "pipeline/proxy/bake.h"
 #include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/import_vdm.h"
@@ -96,7 +97,7 @@ Input read_mesh(Context& context, const ProxyOptions& options) {
   Input input;
   refuse_proxy(options.file);
   const InputBytes bytes = read_input(options.file);
-  check_budget(context, bytes.size * 3, options.file, "reading it");
+  check_budget(context.memory, bytes.size * 3, options.file, "reading it");
   input.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
   input.source.hash = hash_bytes(bytes.view());
   input.scan = shift_to_float(parse_scan(bytes.view(), options.file));
@@ -109,7 +110,7 @@ Input read_mesh(Context& context, const ProxyOptions& options) {
           ErrorKind::kInput, options.file,
           "vertex " + std::to_string(i) +
               (is_finite(p) ? " is too large: beyond 1e18" : " is not finite; run rbvh ingest on it first"));
-  check_budget(context, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
+  check_budget(context.memory, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
   return input;
 }
 
@@ -224,7 +225,7 @@ void run_import(Context& context, const ProxyOptions& options) {
   PolygonMesh mesh;
   {
     const InputBytes bytes = read_input(options.file);
-    check_budget(context, bytes.size * 6, options.file, "reading it");
+    check_budget(context.memory, bytes.size * 6, options.file, "reading it");
     source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
     source.hash = hash_bytes(bytes.view());
     mesh = read_polygon_obj(bytes.view(), input_name(options.file));

@@ -3,24 +3,22 @@
 #include <memory>
 #include <set>
 
+#include "cli/asset_options.h"
 #include "cli/camera_options.h"
 #include "cli/common.h"
 #include "cli/exact_options.h"
 #include "cli/layer_options.h"
 #include "cli/name_template.h"
 #include "cli/stages.h"
-#include "cli/subject.h"
 #include "io/cameras_file.h"
 #include "io/image.h"
 #include "io/output_file.h"
-#include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/render/difference.h"
-#include "pipeline/render/shade.h"
+#include "pipeline/render/render.h"
 
 namespace rbvh {
 namespace {
-
-constexpr int kShadedSamples = 4;  // rays a pixel, unless --samples says otherwise
 
 struct RenderOptions {
   std::vector<std::string> files, levels;
@@ -88,22 +86,12 @@ void check_use(const RenderOptions& options) {
   check_proxy_options(options.proxies, options.files);
 }
 
-// Where in the pixel the ray of a sample passes: Hammersley's points; the centre for a single one.
-std::pair<double, double> sample_offset(int sample, int samples) {
-  double y = 0, digit = 0.5;
-  for (int bits = sample; bits > 0; bits >>= 1, digit /= 2)
-    if (bits & 1) y += digit;
-  double cell = 1;
-  while (cell * samples > 1) cell /= 2;
-  return {(sample + 0.5) / samples, y + cell / 2};
-}
-
-struct RenderTimings {
-  double load = 0, upload = 0, trace = 0, shade = 0, write = 0;
+struct StageTimings : RenderTimings {
+  double load = 0, upload = 0, write = 0;
 };
 
 struct RenderCounts {
-  std::uint64_t images = 0, rays = 0, bytes = 0;
+  std::uint64_t images = 0, bytes = 0;
   std::uint64_t differing = 0;  // pixels of compared pictures
 };
 
@@ -125,7 +113,7 @@ class Renderer {
     check_use(options_);
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
-    check_budget(context_, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
+    check_budget(context_.memory, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
     for_each_file(context_, options_.files, [this](const std::string& path) { render_file(path); });
     write_report();
   }
@@ -136,23 +124,20 @@ class Renderer {
 
   void render_file(const std::string& path) {
     Stopwatch watch;
-    const Subject subject = load_subject(context_, path, options_.proxies.tessellate);
-    if (!subject.scan() && !options_.compared.empty())
+    const Asset asset = load(context_, path, options_.proxies.tessellate);
+    if (!asset.scan() && !options_.compared.empty())
       throw Error(ErrorKind::kUsage, path,
-                  std::string("--compare is for scans; this is a ") + (subject.rbvh() ? "pair" : "scene"));
-    for (const ExactConfig& config : configs_) check_exact_options(context_, options_.exact, config, subject);
+                  std::string("--compare is for scans; this is a ") + (asset.rbvh() ? "pair" : "scene"));
     for (const ExactConfig& config : configs_) {
-      SceneConfig scene = options_.proxies.scene;
-      scene.exact = config;
-      check_cast_budget(context_, subject, scene);
+      check_exact_options(options_.exact, config, asset);
+      check_tracer_budget(context_.memory, asset, scene_config(config));
     }
-    const std::vector<std::string> levels = choose_levels(context_, subject, options_.levels, true);
-    const std::vector<Camera> cameras =
-        place_cameras(options_.camera, words_, subject.bounds, subject.up_axis());
+    const std::vector<std::string> levels = levels_to_cast(context_, asset, options_.levels, true);
+    const std::vector<Camera> cameras = place_cameras(options_.camera, words_, asset.bounds, asset.up_axis());
     for (const std::string& level : levels) {
-      if (options_.aov == Aov::kLeaf) check_leaf_numbers(subject, level);
+      if (options_.aov == Aov::kLeaf) check_leaf_numbers(asset, level);
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
-        const std::string name = output_name(subject, level, frame);
+        const std::string name = output_name(asset, level, frame);
         if (!names_taken_.insert(name).second) refuse_same_name(path);
         check_output(name, context_.force);
       }
@@ -162,107 +147,85 @@ class Renderer {
       device_ = Device::open(context_.device);
       context_.report["device"] = device_json(device_->info());
     }
-    std::vector<Vec3f> normals;
-    if (subject.scan()) {
-      normals = shading_normals(*subject.scan());
+    if (asset.scan()) {
       report_exact(context_, configs_[0]);
       if (configs_.size() > 1) context_.report["compared_with"] = info(configs_[1].traversal).name;
     }
     std::size_t done = 0;
     for (const std::string& level : levels) {
       watch.lap();
-      std::vector<Caster> casters;
-      for (const ExactConfig& config : configs_) {
-        SceneConfig scene = options_.proxies.scene;
-        scene.exact = config;
-        casters.push_back(make_caster(*device_, subject, level, scene));
-        if (!subject.scan()) break;
-      }
+      std::vector<std::unique_ptr<Tracer>> tracers;
+      for (const ExactConfig& config : configs_)
+        tracers.push_back(
+            make_tracer(*device_, asset, {.level = level, .scene = scene_config(config), .spread = 0}));
       device_->finish();
       timings_.upload += watch.lap();
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
         context_.progress.update(
             "render", static_cast<double>(done++) / static_cast<double>(levels.size() * cameras.size()));
-        const Image image = options_.compared.empty()
-                                ? render(subject, level, normals, casters[0], cameras[frame])
-                                : compare(subject, casters, cameras[frame]);
+        const Image image = options_.compared.empty() ? picture(asset, level, *tracers[0], cameras[frame])
+                                                      : compare(asset, tracers, cameras[frame]);
         watch.lap();
-        const std::string name = output_name(subject, level, frame);
+        const std::string name = output_name(asset, level, frame);
         write_image(name, image, context_.force);
         timings_.write += watch.lap();
         ++counts_.images;
         note_output(name);
       }
-      report_proxies(context_, casters[0]);
+      report_proxies(context_, *tracers[0]);
     }
   }
 
-  Image render(const Subject& subject, const std::string& level, const std::vector<Vec3f>& normals,
-               const Caster& caster, const Camera& camera) {
-    Stopwatch watch;
-    const bool is_shaded = options_.aov == Aov::kShaded;
-    const int samples = is_shaded ? (options_.samples > 0 ? options_.samples : kShadedSamples) : 1;
-    const Resolution size = options_.camera.resolution;
-    Image sum;
-    for (int sample = 0; sample < samples; ++sample) {
-      const auto [x, y] = sample_offset(sample, samples);
-      const CameraRays rays = camera_rays(camera, size.width, size.height, x, y);
-      std::vector<std::uint32_t> steps;
-      const std::vector<Hit> hits = cast_camera(caster, rays, options_.aov == Aov::kSteps ? &steps : nullptr);
-      timings_.trace += watch.lap();
-      counts_.rays += hits.size();
-      if (is_shaded) {
-        SurfaceSamples surface = subject.scene()  ? sample_surface(*subject.scene(), hits)
-                                 : subject.rbvh() ? sample_pair(*subject.rbvh(), level, caster, hits)
-                                                  : sample_surface(*subject.scan(), normals, hits);
-        if (!options_.color_layer.empty()) color_by_layer(subject, level, hits, surface);
-        const Vec3d up = options_.camera.up.value_or(subject.up_axis());
-        add(sum, shade(rays, hits, surface, static_cast<Vec3f>(up)), 1 / static_cast<float>(samples));
-      } else {
-        sum = options_.aov == Aov::kSteps ? steps_image(rays, steps) : data_image(options_.aov, rays, hits);
-        if (image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr)
-          sum = shown_image(options_.aov, sum);
-      }
-      timings_.shade += watch.lap();
-    }
-    return sum;
+  SceneConfig scene_config(const ExactConfig& exact) const {
+    SceneConfig config = options_.proxies.scene;
+    config.exact = exact;
+    return config;
   }
 
-  void color_by_layer(const Subject& subject, const std::string& name, const std::vector<Hit>& hits,
-                      SurfaceSamples& surface) const {
-    const Level* level = subject.rbvh() ? subject.rbvh()->find_level(name) : nullptr;
+  Image picture(const Asset& asset, const std::string& level, const Tracer& tracer, const Camera& camera) {
+    RenderConfig config;
+    config.width = options_.camera.resolution.width;
+    config.height = options_.camera.resolution.height;
+    config.aov = options_.aov;
+    config.samples = options_.samples;
+    config.up = static_cast<Vec3f>(options_.camera.up.value_or(asset.up_axis()));
+    config.as_shown = options_.aov != Aov::kShaded &&
+                      image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr;
+    if (!options_.color_layer.empty()) config.colors = layer_colors(asset, level);
+    return render(tracer, camera, config, &timings_);
+  }
+
+  std::function<std::vector<Vec3f>(std::span<const Hit>)> layer_colors(const Asset& asset,
+                                                                       const std::string& name) const {
+    const Level* level = asset.rbvh() ? asset.rbvh()->find_level(name) : nullptr;
     const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
-    if (!layer || is_standard_layer(layer->name))
-      throw Error(ErrorKind::kUsage, subject.path,
+    if (!layer || layer_kind(layer->name) != LayerKind::kUser)
+      throw Error(ErrorKind::kUsage, asset.path,
                   "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
-    surface.colors =
-        value_colors(sample_layer_at_hits(*level, *layer, hits), sample_width(*layer), layer->lo, layer->hi);
+    return [level, layer](std::span<const Hit> hits) {
+      return value_colors(sample_layer_at_hits(*level, *layer, hits), sample_width(*layer), layer->lo,
+                          layer->hi);
+    };
   }
 
   // Where two tracers' hits of the same rays differ.
-  Image compare(const Subject& subject, const std::vector<Caster>& casters, const Camera& camera) {
+  Image compare(const Asset& asset, const std::vector<std::unique_ptr<Tracer>>& tracers,
+                const Camera& camera) {
     Stopwatch watch;
     const Resolution size = options_.camera.resolution;
     const CameraRays rays = camera_rays(camera, size.width, size.height);
-    const std::vector<Hit> first = cast_camera(casters[0], rays), second = cast_camera(casters[1], rays);
+    const std::vector<Hit> first = intersect(*tracers[0], rays), second = intersect(*tracers[1], rays);
     timings_.trace += watch.lap();
-    counts_.rays += first.size() + second.size();
+    timings_.rays += first.size() + second.size();
     for (std::size_t i = 0; i < first.size(); ++i)
       counts_.differing += first[i].t != second[i].t || first[i].leaf != second[i].leaf;
-    Image image = difference_image(first, second, rays, subject.bounds.diagonal());
+    Image image = difference_image(first, second, rays, asset.bounds.diagonal());
     timings_.shade += watch.lap();
     return image;
   }
 
-  static void add(Image& sum, Image&& image, float weight) {
-    if (sum.pixels.empty()) {
-      sum = make_image(image.kind, image.width, image.height, image.channels);
-    }
-    for (std::size_t i = 0; i < image.pixels.size(); ++i) sum.pixels[i] += image.pixels[i] * weight;
-  }
-
-  std::string output_name(const Subject& subject, const std::string& level, std::size_t frame) const {
-    return names_.fill(subject.name, level, static_cast<int>(frame));
+  std::string output_name(const Asset& asset, const std::string& level, std::size_t frame) const {
+    return names_.fill(asset.name, level, static_cast<int>(frame));
   }
 
   void note_output(const std::string& name) {
@@ -280,8 +243,8 @@ class Renderer {
                                   {"shade", timings_.shade},
                                   {"write", timings_.write}};
     context_.report["counts"] = {{"images", counts_.images},
-                                 {"rays", counts_.rays},
-                                 {"mrays_per_second", mrays_per_second(counts_.rays, timings_.trace)}};
+                                 {"rays", timings_.rays},
+                                 {"mrays_per_second", mrays_per_second(timings_.rays, timings_.trace)}};
     if (!options_.compared.empty()) {
       context_.report["counts"]["differing_pixels"] = counts_.differing;
       note(context_, "rbvh render: " + counted(counts_.differing, "differing pixel"));
@@ -296,7 +259,7 @@ class Renderer {
   std::vector<ExactConfig> configs_;  // one, or the two compared
   std::vector<CameraWords> words_;
   std::optional<Device> device_;
-  RenderTimings timings_;
+  StageTimings timings_;
   RenderCounts counts_;
 };
 

@@ -7,7 +7,7 @@
 #include "cli/stages.h"
 #include "io/output_file.h"
 #include "io/rbvh_file.h"
-#include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/layer_sampling.h"
 
 namespace rbvh {
 namespace {
@@ -24,8 +24,8 @@ void run_sample(Context& context, const SampleOptions& options) {
   if (!is_rbvh(options.file)) throw Error(ErrorKind::kInput, options.file, "is no .rbvh pair");
   Stopwatch watch;
   const std::vector<Vec3f> points = read_points(context, options.points);
-  const Subject pair = load_subject(context, options.file);
-  const Level& level = *pair.rbvh()->find_level(choose_levels(context, pair, options.levels).front());
+  const Asset pair = load(context, options.file);
+  const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
   const Layer* layer = find_layer(level, options.layer);
   if (layer == nullptr) {
     std::string there;

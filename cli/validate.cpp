@@ -6,14 +6,18 @@
 #include <memory>
 #include <optional>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
-#include "cli/measure.h"
+#include "cli/remedies.h"
 #include "cli/stages.h"
-#include "cli/subject.h"
+#include "cli/views_options.h"
+#include "io/image.h"
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
 #include "io/scene_file.h"
+#include "pipeline/measure/measure_json.h"
+#include "pipeline/render/difference.h"
 
 namespace rbvh {
 namespace {
@@ -44,49 +48,6 @@ void make_folder(const std::string& path) {
   if (code) throw Error(ErrorKind::kFailure, path, "the folder cannot be made: " + code.message());
 }
 
-Json distribution_json(const Distribution& d) {
-  return {{"median", d.median}, {"p95", d.p95}, {"p99", d.p99}, {"p99.9", d.p999}, {"max", d.max}};
-}
-
-Json image_json(const ImageError& e) { return {{"rmse", e.rmse}, {"psnr", e.psnr}, {"ssim", e.ssim}}; }
-
-Json distance_json(const DistanceStatistics& d, const LevelMeasure& m) {
-  return {{"rms_percent", 100 * d.rms / m.diagonal},
-          {"max_percent", 100 * d.max / m.diagonal},
-          {"rms_texels", d.rms / m.texel},
-          {"max_texels", d.max / m.texel}};
-}
-
-Json measure_json(const LevelMeasure& m) {
-  const HitFidelity& all = m.views.all;
-  Json views = Json::array();
-  for (const HitFidelity& view : m.views.views)
-    views.push_back({{"pixels", view.pixels},
-                     {"holes", view.holes},
-                     {"leaks", view.leaks},
-                     {"walls", view.walls},
-                     {"mask_mismatch_percent", view.mismatch_percent()},
-                     {"dt_median", view.dt.median},
-                     {"dt_p99", view.dt.p99}});
-  return {{"level", m.level},
-          {"pixels", all.pixels},
-          {"holes", all.holes},
-          {"leaks", all.leaks},
-          {"walls", all.walls},
-          {"worst_view",
-           {{"holes", m.views.worst_holes}, {"leaks", m.views.worst_leaks}, {"walls", m.views.worst_walls}}},
-          {"mask_mismatch_percent", all.mismatch_percent()},
-          {"mismatch_at_silhouette_percent", all.silhouette_percent()},
-          {"dt", distribution_json(all.dt)},
-          {"normal_degrees", distribution_json(all.normal_degrees)},
-          {"image", image_json(m.image)},
-          {"image_control", image_json(m.control)},
-          {"image_relative", m.control.rmse > 0 ? Json(m.image.rmse / m.control.rmse) : Json(nullptr)},
-          {"level_to_scan", distance_json(m.to_scan, m)},
-          {"scan_to_level", distance_json(m.to_level, m)},
-          {"views", std::move(views)}};
-}
-
 // What the file says of itself stands beside what was found; a warning where it promised more.
 void compare_with_stored(Context& context, const std::string& path, const Level& level, const LevelMeasure& m,
                          const ViewsConfig& views, Json& json) {
@@ -102,19 +63,29 @@ void compare_with_stored(Context& context, const std::string& path, const Level&
          path + ": " + level.name + " has " + difference + "; was it measured against another scan?");
 }
 
-Json measure(Context& context, const ValidateOptions& options, const Subject& pair) {
-  const Subject exact = load_against(context, pair, options.against);
+Json measure(Context& context, const ValidateOptions& options, const Asset& pair) {
+  const Asset exact =
+      load_reference(options.against, *pair.rbvh(), context.memory, context.progress.callback());
   if (const auto other = find_other_scan(pair, exact)) warn(context, options.against + ": " + *other);
-  const std::vector<std::string> levels =
-      choose_levels(context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const std::vector<std::string> levels = levels_to_cast(
+      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
   MeasureConfig config;
   config.views = options.views;
   config.images = config.distances = true;
-  config.pictures = options.pictures;
-  if (!config.pictures.empty()) make_folder(config.pictures);
+  config.memory = context.memory;
+  if (!options.pictures.empty()) {
+    make_folder(options.pictures);
+    config.on_view = [&](const MeasuredView& view) {
+      const std::string name = levels[view.level] + "-" + std::to_string(view.view) + ".png";
+      write_image((std::filesystem::path(options.pictures) / name).string(),
+                  difference_image(view.exact, view.hits, view.rays, exact.bounds.diagonal(), 2),
+                  context.force);
+    };
+  }
   Json list = Json::array();
   const Device device = Device::open(context.device);
-  for (const LevelMeasure& m : measure_levels(context, device, pair, exact, levels, config)) {
+  for (const LevelMeasure& m :
+       measure_levels(device, pair, exact, levels, config, context.progress.callback())) {
     Json json = measure_json(m);
     compare_with_stored(context, pair.path, *pair.rbvh()->find_level(m.level), m, config.views, json);
     list.push_back(std::move(json));
@@ -192,18 +163,18 @@ Json scene_json(const Scene& scene) {
 }
 
 // What is to be said of a file that is whole; throws its first fault.
-Json check_file(const Context& context, const std::string& file, const std::optional<Subject>& subject,
+Json check_file(const Context& context, const std::string& file, const std::optional<Asset>& asset,
                 const std::optional<Proxy>& proxy) {
   Json json = {{"file", file}, {"valid", true}};
-  if (subject && subject->scene()) {
-    json.update(scene_json(*subject->scene()));
-  } else if (subject) {
-    json.update(pair_json(*subject->rbvh()));
+  if (asset && asset->scene()) {
+    json.update(scene_json(*asset->scene()));
+  } else if (asset) {
+    json.update(pair_json(*asset->rbvh()));
   } else if (proxy) {
     json.update(proxy_json(*proxy));
   } else {
     refuse_proxy(file);
-    check_read_budget(context, file);
+    check_read_budget(context.memory, file);
     const RawScan scan = read_scan(file);
     json.update({{"kind", scan.triangles.empty() ? "cloud" : "mesh"},
                  {"vertices", scan.positions.size()},
@@ -232,22 +203,22 @@ void run_validate(Context& context, const ValidateOptions& options) {
                 std::string("--against compares the levels of an .rbvh, or a proxy, and this is a ") +
                     (places ? "scene" : "scan"));
   if (!is_pair) refuse_options(options.of_pairs, options.file, "is for pairs, and this is none");
-  std::optional<Subject> subject;  // a pair, or a scene with all its files
+  std::optional<Asset> asset;  // a pair, or a scene with all its files
   std::optional<Proxy> proxy;
   ProxyHeader header;
   Json json;
   try {
-    if (is_pair || places) subject = load_subject(context, options.file);
+    if (is_pair || places) asset = load(context, options.file);
     if (is_of_quads) proxy = load_proxy(options.file, &header);
-    json = check_file(context, options.file, subject, proxy);
+    json = check_file(context, options.file, asset, proxy);
   } catch (const Error& error) {
     if (options.as_json && error.kind() == ErrorKind::kInput)
-      print({{"file", options.file}, {"valid", false}, {"fault", error.what()}});
+      print({{"file", options.file}, {"valid", false}, {"fault", error_line(error)}});
     throw;
   }
   if (!options.as_json) print_data(file_text(json));
   if (proxy && !options.against.empty()) {
-    Scan scan = load_exact_scan(context, options.against);
+    Scan scan = load_scan(options.against, context.memory, context.progress.callback());
     move_to_shift(scan, header.source.shift);
     json["against"] = options.against;
     json["distance"] = proxy_measure_json(measure_proxy(*proxy, scan));
@@ -256,7 +227,7 @@ void run_validate(Context& context, const ValidateOptions& options) {
     json["against"] = options.against;
     json["views"] = options.views.views;
     json["resolution"] = options.views.resolution;
-    json["fidelity"] = measure(context, options, *subject);
+    json["fidelity"] = measure(context, options, *asset);
     if (!options.as_json) print_data(fidelity_text(json["fidelity"]));
   }
   if (options.as_json) print(json);

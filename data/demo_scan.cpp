@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/exit_code.h"
 #include "demo_shape.h"
 #include "fuse.h"
 #include "io/output_file.h"
@@ -175,13 +176,15 @@ int main(int argc, char** argv) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return static_cast<int>(rbvh::ErrorKind::kUsage);
+    return static_cast<int>(rbvh::ExitCode::kUsage);
   } catch (const rbvh::Error& error) {
-    std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return 1;
+    const char* const remedy =
+        error.remedy() == rbvh::Remedy::kOverwrite ? "; use --force to replace it" : "";
+    std::fprintf(stderr, "rbvh_demo_scan: %s%s\n", error.what(), remedy);
+    return static_cast<int>(rbvh::exit_code(error.kind()));
   } catch (const std::exception& error) {
     std::fprintf(stderr, "rbvh_demo_scan: %s\n", error.what());
-    return static_cast<int>(rbvh::ErrorKind::kFailure);
+    return static_cast<int>(rbvh::ExitCode::kFailure);
   }
   return 0;
 }

@@ -1,5 +1,5 @@
 // The demo's sculpture: a knotted, pleated ribbon with carved glyphs, cradling a lipped cup on a stepped
-// plinth. It exists only as a function of space, so a simulated scanner can look at it from anywhere.
+// plinth. It is defined as a distance function, so a simulated scanner can measure it from anywhere.
 #pragma once
 
 #include <array>

@@ -10,8 +10,8 @@ namespace {
 
 constexpr int kBlock = 8;  // cells a side
 constexpr int kBlockCells = kBlock * kBlock * kBlock;
-constexpr float kBand = 3;             // cells on either side of a measurement that it speaks for
-constexpr float kLeastCosine = 0.28f;  // what is seen at a lower angle is not believed
+constexpr float kBand = 3;             // cells on either side of a measurement that it affects
+constexpr float kLeastCosine = 0.28f;  // measurements at a lower angle are ignored
 
 using Coordinate = std::array<int, 3>;
 
@@ -50,7 +50,7 @@ struct Grid {
   }
 };
 
-/// The blocks within reach of any measurement, in a fixed order.
+/// The blocks within the band of any measurement, in a fixed order.
 Grid blocks_near(const std::vector<RangeImage>& images, float cell) {
   std::vector<std::vector<std::uint64_t>> keys(images.size());
   parallel_for(images.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -90,8 +90,8 @@ Grid blocks_near(const std::vector<RangeImage>& images, float cell) {
   return grid;
 }
 
-/// What one view says about a point: the signed distance along its ray, and how much to believe it (0:
-/// nothing).
+/// One view's measurement at a point: the signed distance along its ray, and its weight (0: no
+/// measurement).
 void look_up(const RangeImage& image, Vec3f p, float band, float& distance, float& weight) {
   weight = 0;
   const Vec3f offset = p - image.eye;

@@ -23,7 +23,7 @@ struct RangeImage {
   Vec3f eye, forward, right, up;  ///< right and up are scaled to one pixel on the plane at distance 1
   int width = 0;
   std::vector<float> ranges;
-  std::vector<float> cosines;  ///< of the angle between ray and surface, as the strength of the echo tells
+  std::vector<float> cosines;  ///< of the angle between ray and surface, estimated from the echo's strength
 
   /// Unit direction through the point (x, y) of the image; pixel centres are at whole numbers.
   Vec3f direction(float x, float y) const {
@@ -32,7 +32,7 @@ struct RangeImage {
   }
 };
 
-/// Where the tripod stands: rings at eye level, above and a little below; never under the plinth.
+/// The tripod's positions: rings at eye level, above and a little below; never under the plinth.
 std::vector<Vec3f> tripod_places(const DemoShape& shape);
 
 /// Same images for the same config, however many threads.

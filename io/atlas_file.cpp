@@ -43,8 +43,8 @@ OIIO::ImageSpec make_spec(const Level& level, const Layer& layer) {
   return spec;
 }
 
-// Tile by tile from a buffer of our own: OpenImageIO pads the tiles at the rim with what its buffer held
-// before.
+// Tile by tile from a zeroed buffer: OpenImageIO pads the tiles at the image's border with what its own
+// buffer contained before.
 bool write_layer(OIIO::ImageOutput& out, const Level& level, const Layer& layer) {
   const auto [width, height] = atlas_size(level, layer);
   const std::uint32_t tile_width = tiff_tile(width), tile_height = tiff_tile(height);
@@ -134,7 +134,7 @@ void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh
       const auto [width, height] = atlas_size(level, layer);
       if (!in->seek_subimage(subimage, 0)) refuse(path, "has no subimage " + name);
       spec = in->spec();
-      // The file is held against the hierarchy before a byte is reserved on its word.
+      // Checked against the hierarchy before any memory is reserved.
       if (spec.get_string_attribute("ImageDescription") != name)
         refuse(path, "has, as subimage " + std::to_string(subimage) + ", not " + name);
       if (spec.width != static_cast<int>(width) || spec.height != static_cast<int>(height) ||
@@ -148,7 +148,7 @@ void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh
       ++subimage;
     }
   if (in->seek_subimage(subimage, 0)) refuse(path, "has more subimages than its hierarchy has layers");
-  static_cast<void>(in->geterror());  // that there is none was what we wanted to hear
+  static_cast<void>(in->geterror());  // clears the error: there must be none
 }
 
 }  // namespace rbvh

@@ -62,7 +62,8 @@ std::vector<CameraWords> decode_cameras(std::string_view text, const std::string
                                         const CameraWords& defaults) {
   std::size_t byte = 0;
   Json json = parse_shallow_json(text, kMostDepth, &byte);
-  if (json.is_discarded()) refuse(path, "byte " + std::to_string(byte), "this is no JSON, or nests too deep");
+  if (json.is_discarded())
+    throw Error(ErrorKind::kInput, path, FilePlace{"byte", byte}, "this is no JSON, or nests too deep");
   if (json.is_object() && json.size() == 1 && json.contains("cameras")) json = Json(json["cameras"]);
   if (!json.is_array() || json.empty())
     throw Error(ErrorKind::kInput, path, "a list of one camera or more is wanted");

@@ -10,7 +10,7 @@
 
 namespace rbvh {
 
-/// The cameras in their order, at least one; what one does not say is taken from `defaults`. Throws
+/// The cameras in their order, at least one; what one leaves out is taken from `defaults`. Throws
 /// Error(kInput), naming `path` and the place of the first fault.
 std::vector<CameraWords> decode_cameras(std::string_view text, const std::string& path,
                                         const CameraWords& defaults);

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <span>
 
+#include "io/encode_image.h"
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -69,14 +71,7 @@ ImageFormat image_format(const std::string& path, Image::Kind kind) {
 void write_image(const std::string& path, const Image& image, bool overwrite) {
   const ImageFormat format = image_format(path, image.kind);
   OutputFile file(path, overwrite);
-  const auto fail = [&](const std::string& why) {
-    throw Error(ErrorKind::kFailure, path, "the image cannot be written: " + why);
-  };
-  static const char* const kNames[] = {"png", "jpeg", "openexr"};
-  const auto out = OIIO::ImageOutput::create(kNames[static_cast<int>(format)]);
-  if (!out) fail(OIIO::geterror());
   OIIO::attribute("threads", thread_count());
-
   const int width = static_cast<int>(image.width), height = static_cast<int>(image.height);
   std::size_t channels = image.channels.size();
   if (format == ImageFormat::kJpeg && channels == 4) channels = 3;
@@ -93,12 +88,13 @@ void write_image(const std::string& path, const Image& image, bool overwrite) {
     if (image.kind == Image::Kind::kColor) spec.attribute("oiio:ColorSpace", "sRGB");
     if (format == ImageFormat::kJpeg) spec.attribute("CompressionQuality", kJpegQuality);
   }
-  if (!out->open(file.temporary_path(), spec)) fail(out->geterror());
-  const bool written = format == ImageFormat::kExr
-                           ? out->write_image(OIIO::TypeDesc::FLOAT, image.pixels.data())
-                           : out->write_image(OIIO::TypeDesc::UINT8, to_bytes(image, channels).data());
-  if (!written) fail(out->geterror());
-  if (!out->close()) fail(out->geterror());
+  static const char* const kNames[] = {"png", "jpeg", "openexr"};
+  const char* const name = kNames[static_cast<int>(format)];
+  const std::vector<unsigned char> bytes =
+      format == ImageFormat::kExr
+          ? encode_image(name, spec, OIIO::TypeDesc::FLOAT, image.pixels.data(), path)
+          : encode_image(name, spec, OIIO::TypeDesc::UINT8, to_bytes(image, channels).data(), path);
+  file.write(std::as_bytes(std::span(bytes)));
   file.commit();
 }
 

@@ -1,4 +1,4 @@
-// A whole input in memory. Readers parse from here, so that every count can be held against the bytes that
+// A whole input in memory. Readers parse from here, so that every count can be checked against the bytes that
 // are there.
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace rbvh {
 
-/// The bytes of a file, read once. Not mapped: another program cutting a mapped file would kill us.
+/// The bytes of a file, read once. Not mapped: a mapped file that another program truncates raises SIGBUS.
 struct InputBytes {
   std::unique_ptr<char[]> data;
   std::size_t size = 0;

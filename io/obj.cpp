@@ -5,60 +5,35 @@
 #include <utility>
 
 #include "io/colors.h"
-#include "io/text_cursor.h"
+#include "io/obj_grammar.h"
 
 namespace rbvh {
 namespace {
 
-constexpr std::int64_t kNone = -1;
-
-/// A vertex index from 0, and its normal's or kNone.
-struct Corner {
-  std::int64_t vertex = 0, normal = kNone;
-};
+constexpr std::int64_t kNone = ObjGrammar::kNone;
 
 class ObjReader {
  public:
-  ObjReader(std::string_view bytes, const std::string& file) : in_(bytes, file), line_start_(in_) {}
+  ObjReader(std::string_view bytes, const std::string& file) : in_(bytes, file) {}
 
   RawScan read() {
-    std::string joined;
-    std::string_view line;
-    for (;;) {
-      line_start_ = in_;
-      if (!in_.next_line(line)) break;
-      if (!line.empty() && line.back() == '\\') {
-        // A backslash continues the statement on the next line.
-        joined.assign(line.substr(0, line.size() - 1));
-        while (in_.next_line(line)) {
-          const bool more = !line.empty() && line.back() == '\\';
-          joined += ' ';
-          joined.append(line.substr(0, line.size() - (more ? 1 : 0)));
-          if (!more) break;
-        }
-        line = joined;
-      }
-      statement(line);
-    }
+    while (in_.next())
+      if (!in_.is_comment()) statement(in_.key());
     return finish();
   }
 
  private:
-  void statement(std::string_view line) {
-    TextCursor words(line, *in_.file);
-    const std::string_view key = words.word();
-    if (key.empty() || key[0] == '#') return;
+  void statement(std::string_view key) {
     if (key == "v") {
-      vertex(words);
+      vertex();
     } else if (key == "vn") {
-      double n[3];
-      if (numbers(words, n, 3) != 3) line_start_.fail("a normal needs three numbers");
+      double n[4];
+      if (in_.numbers(n, 4) != 3) in_.fail("a normal needs three numbers");
       file_normals_.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
     } else if (key == "f" || key == "fo") {
-      face(words);
+      face();
     } else if (key == "o" || key == "g") {
-      words.skip_blanks();
-      (key == "o" ? object_ : group_) = std::string(words.at, words.end);
+      (key == "o" ? object_ : group_) = std::string(in_.rest());
       current_id_ = kNone;
     } else if (key == "vt" || key == "l" || key == "p" || key == "usemtl" || key == "mtllib") {
       ++dropped_[std::string(key)];
@@ -67,28 +42,15 @@ class ObjReader {
     } else if (key.size() > 16 || !std::all_of(key.begin(), key.end(), [](char c) {
                  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '.';
                })) {
-      line_start_.fail(shown(key) + " is no statement of an OBJ file");
+      in_.fail(shown(key) + " is no statement of an OBJ file");
     }
-  }
-
-  /// Takes up to `most` numbers; returns how many there were. Anything else on the line is an error.
-  int numbers(TextCursor& words, double* out, int most) {
-    int count = 0;
-    for (std::string_view word; !(word = words.word()).empty() && word[0] != '#';) {
-      double value = 0;
-      if (read_number(word.data(), word.data() + word.size(), value) != word.data() + word.size())
-        line_start_.fail(shown(word) + " is not a number");
-      if (count < most) out[count] = value;
-      ++count;
-    }
-    return count;
   }
 
   /// x y z [w] [r g b]
-  void vertex(TextCursor& words) {
+  void vertex() {
     double values[8];
-    const int count = numbers(words, values, 8);
-    if (count < 3) line_start_.fail("a vertex needs three numbers");
+    const int count = in_.numbers(values, 8);
+    if (count < 3) in_.fail("a vertex needs three numbers");
     positions_.push_back({values[0], values[1], values[2]});
     if (count != 6 && count != 7) return;
     colors_.resize(positions_.size() - 1, Vec3f{1, 1, 1});
@@ -96,55 +58,28 @@ class ObjReader {
     colors_.push_back({static_cast<float>(rgb[0]), static_cast<float>(rgb[1]), static_cast<float>(rgb[2])});
   }
 
-  std::int64_t index(const char*& at, const char* end, std::size_t count, bool optional) {
-    std::int64_t value = 0;
-    const auto [stop, error] = std::from_chars(at, end, value);
-    if (error != std::errc() || value == 0) {
-      if (optional && stop == at && error == std::errc::invalid_argument) return kNone;
-      line_start_.fail("a face has a corner that is no index");
+  /// Indices are checked against the number of elements when all are known: the largest is kept, and its
+  /// line.
+  struct Largest {
+    std::int64_t index = kNone;
+    const char* line = nullptr;
+    void add(std::int64_t i, const char* at) {
+      if (i <= index) return;
+      index = i;
+      line = at;
     }
-    at = stop;
-    if (value > 0) return value - 1;
-    if (value < -static_cast<std::int64_t>(count))
-      line_start_.fail("the index " + std::to_string(value) + " is out of range (there are " +
-                       std::to_string(count) + " so far)");
-    return value + static_cast<std::int64_t>(count);
-  }
+  };
 
-  /// v, v/vt, v//vn or v/vt/vn, where vt and vn may be missing.
-  Corner corner(std::string_view word) {
-    Corner corner;
-    const char* at = word.data();
-    const char* end = at + word.size();
-    corner.vertex = index(at, end, positions_.size(), false);
-    if (at < end && *at == '/') {
-      ++at;
-      std::int64_t texture = 0;
-      at = std::from_chars(at, end, texture).ptr;
-    }
-    if (at < end && *at == '/') {
-      ++at;
-      corner.normal = index(at, end, file_normals_.size(), true);
-    }
-    if (at != end) line_start_.fail("the corner " + shown(word) + " of a face is malformed");
-    // A face may come before its vertices, so what is too large is known at the end only.
-    if (corner.vertex > largest_vertex_) {
-      largest_vertex_ = corner.vertex;
-      largest_vertex_line_ = line_start_.at;
-    }
-    if (corner.normal > largest_normal_) {
-      largest_normal_ = corner.normal;
-      largest_normal_line_ = line_start_.at;
-    }
-    return corner;
-  }
-
-  void face(TextCursor& words) {
+  void face() {
     corners_.clear();
-    for (std::string_view word; !(word = words.word()).empty() && word[0] != '#';)
-      corners_.push_back(corner(word));
+    for (ObjCorner corner; in_.corner(corner);) {
+      corners_.push_back(
+          {in_.index(corner.vertex, positions_.size()), in_.index(corner.normal, file_normals_.size())});
+      largest_vertex_.add(corners_.back().vertex, in_.place().at);
+      largest_normal_.add(corners_.back().normal, in_.place().at);
+    }
     if (corners_.size() < 3) {
-      if (in_.at_end()) line_start_.fail("the file is cut in its last face");
+      if (in_.at_end()) in_.fail("the file is cut in its last face");
       ++short_faces_;
       return;
     }
@@ -164,11 +99,12 @@ class ObjReader {
     return static_cast<std::uint32_t>(std::min<std::int64_t>(index, UINT32_MAX));
   }
 
-  void check_largest(std::int64_t largest, const char* line, std::size_t count, const char* what) {
-    if (largest < static_cast<std::int64_t>(std::min<std::size_t>(count, UINT32_MAX))) return;
-    line_start_.at = line;
-    line_start_.fail("the index " + std::to_string(largest + 1) + " is out of range (there are " +
-                     std::to_string(count) + " " + what + ")");
+  void check_largest(const Largest& largest, std::size_t count, const char* what) {
+    if (largest.index < static_cast<std::int64_t>(std::min<std::size_t>(count, UINT32_MAX))) return;
+    TextCursor place = in_.place();
+    place.at = largest.line;
+    place.fail("the index " + std::to_string(largest.index + 1) + " is out of range (there are " +
+               std::to_string(count) + " " + what + ")");
   }
 
   void assign_normals(RawScan& scan) {
@@ -203,8 +139,8 @@ class ObjReader {
   }
 
   RawScan finish() {
-    check_largest(largest_vertex_, largest_vertex_line_, positions_.size(), "vertices");
-    check_largest(largest_normal_, largest_normal_line_, file_normals_.size(), "normals");
+    check_largest(largest_vertex_, positions_.size(), "vertices");
+    check_largest(largest_normal_, file_normals_.size(), "normals");
     RawScan scan;
     assign_normals(scan);
     if (!colors_.empty()) {
@@ -222,7 +158,12 @@ class ObjReader {
     return scan;
   }
 
-  TextCursor in_, line_start_;
+  /// Indices from 0; the normal's may be kNone.
+  struct Corner {
+    std::int64_t vertex, normal;
+  };
+
+  ObjGrammar in_;
   std::vector<Vec3d> positions_;
   std::vector<Vec3f> colors_, file_normals_;
   std::vector<Triangle> triangles_;
@@ -232,8 +173,7 @@ class ObjReader {
   std::string object_, group_;
   std::map<std::pair<std::string, std::string>, std::int32_t> ids_;
   std::int64_t current_id_ = kNone;
-  std::int64_t largest_vertex_ = kNone, largest_normal_ = kNone;
-  const char *largest_vertex_line_ = nullptr, *largest_normal_line_ = nullptr;
+  Largest largest_vertex_, largest_normal_;
   std::size_t short_faces_ = 0;
   std::map<std::string, std::size_t> dropped_;
 };

@@ -1,4 +1,5 @@
-// OBJ: vertices (with colours), normals, polygons with negative indices, groups and objects.
+// OBJ scans: vertices (with colours), normals, polygons as triangles, groups and objects (grammar:
+// io/obj_grammar.h).
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// Outputs that are whole or absent: written under a temporary name, synced, renamed. The names of unfinished
-// files lie in fixed storage, because the signal handler that removes them may neither allocate nor lock.
+// Outputs are whole or absent: written under a temporary name, synced, renamed. The names of unfinished files
+// are in fixed storage, because the signal handler that removes them may neither allocate nor lock.
 #include "io/output_file.h"
 
 #include <fcntl.h>
@@ -26,7 +26,6 @@ namespace rbvh {
 namespace {
 
 // --- what an interrupt removes
-// ------------------------------------------------------------------------------------
 
 struct Slot {
   bool used;
@@ -45,7 +44,7 @@ sigset_t interrupt_signals() {
   return set;
 }
 
-// While one lives, the handler neither runs on this thread nor gets past its wait on another.
+// While one exists, the handler does not run on this thread and waits on the others.
 class HoldInterrupts {
  public:
   HoldInterrupts() {
@@ -86,7 +85,7 @@ void add_unfinished(const std::string& path) {
       slot.used = true;
       return;
     }
-  RBVH_CHECK(!"more unfinished outputs at once than there are slots");
+  RBVH_CHECK(false && "more unfinished outputs at once than there are slots");
 }
 
 void drop_unfinished(const std::string& path) {
@@ -96,7 +95,6 @@ void drop_unfinished(const std::string& path) {
 }
 
 // --- files
-// --------------------------------------------------------------------------------------------------------
 
 std::string shown(const std::string& path) { return path == "-" ? "standard output" : path; }
 
@@ -125,7 +123,7 @@ int write_fully(int fd, const char* data, std::size_t size) {
     if (n >= 0) {
       data += n;
       size -= static_cast<std::size_t>(n);
-    } else if (errno == EAGAIN) {  // somebody made our standard output non-blocking
+    } else if (errno == EAGAIN) {  // standard output may be non-blocking
       pollfd wait{fd, POLLOUT, 0};
       poll(&wait, 1, -1);
     } else if (errno != EINTR) {
@@ -140,8 +138,7 @@ std::string folder_of(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
-// Names that stand for an open descriptor: even if that is a regular file, it is written through, never
-// replaced.
+// Names of open descriptors. Even where one is a regular file, we write to it and do not replace it.
 bool names_descriptor(const std::string& path) {
   return path == "-" || path == "/dev/stdout" || path == "/dev/stderr" || path.starts_with("/dev/fd/") ||
          path.starts_with("/proc/");
@@ -160,7 +157,7 @@ std::string temporary_name(const std::string& folder, const std::string& path, i
   return (std::filesystem::path(folder) / (full + end)).string();
 }
 
-// Creates it anew, never through a link that somebody left there, and registers it for removal.
+// Creates a new file, never through an existing link, and registers it for removal.
 std::string create_temporary(const std::string& folder, const std::string& path) {
   for (int attempt = 0;; ++attempt) {
     std::string name = temporary_name(folder, path, attempt);
@@ -217,7 +214,7 @@ int rename_to(const std::string& from, const std::string& to, bool replace) {
 }
 
 [[noreturn]] void refuse_existing(const std::string& path) {
-  throw Error(ErrorKind::kFailure, path, "exists already; use --force to replace it");
+  throw Error(ErrorKind::kFailure, path, "exists already", Remedy::kOverwrite);
 }
 
 }  // namespace
@@ -283,7 +280,7 @@ void commit_all(std::span<OutputFile* const> files) {
     if (file->is_special_) {
       unlink(file->temporary_.c_str());
     } else {
-      // Best effort: what is replaced hands on its mode.
+      // Best effort: the new file gets the old one's mode.
       struct stat old {};
       if (file->overwrite_ && ::stat(file->target_.c_str(), &old) == 0)
         static_cast<void>(!chmod(file->temporary_.c_str(), old.st_mode & 07777));
@@ -293,7 +290,7 @@ void commit_all(std::span<OutputFile* const> files) {
     }
     file->committed_ = true;
     drop_unfinished(file->temporary_);
-    // Each rename reaches the disk before the next: their order is what makes a pair safe.
+    // Each rename reaches the disk before the next: a pair depends on their order.
     if (!file->is_special_) sync_path(folder_of(file->target_), file->path_);
   }
 }
@@ -302,8 +299,8 @@ void install_interrupt_cleanup() {
   struct sigaction action {};
   action.sa_handler = remove_unfinished_and_exit;
   sigfillset(&action.sa_mask);
-  // SIGINT and SIGTERM even where they were ignored (a script's background job): whoever sends one to us
-  // means it.
+  // SIGINT and SIGTERM even where they were ignored (a script's background job): one that
+  // arrives was sent on purpose.
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   struct sigaction hangup {};

@@ -189,7 +189,7 @@ class PcdReader {
 
  private:
   [[noreturn]] void fail_at_byte(const std::string& what) const {
-    throw Error(ErrorKind::kInput, *in_.file, "byte " + std::to_string(in_.byte()) + ": " + what);
+    throw Error(ErrorKind::kInput, *in_.file, FilePlace{"byte", in_.byte()}, what);
   }
   [[noreturn]] void fail_count(std::uint64_t most) const {
     fail_at_byte("the header promises " + std::to_string(header_.points) +

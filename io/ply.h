@@ -15,12 +15,12 @@ namespace rbvh {
 /// Begins with PLY's magic line.
 bool is_ply(std::string_view bytes);
 
-/// Parses a PLY file in memory. Hostile bytes are expected: counts are held against the bytes left before
+/// Parses a PLY file in memory. Hostile bytes are expected: counts are checked against the bytes left before
 /// anything is allocated. Polygons and triangle strips become triangles; indices are checked. `file` is for
 /// messages. Throws Error(kInput).
 RawScan read_ply(std::string_view bytes, const std::string& file);
 
-/// Hands the bytes of the output PLY (scan_io.h's write_ply) to `sink` in pieces.
+/// Passes the bytes of the output PLY (scan_io.h's write_ply) to `sink` in pieces.
 void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink);
 
 }  // namespace rbvh

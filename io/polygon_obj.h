@@ -1,5 +1,5 @@
-// OBJ as artists' base meshes come: polygons of any size with texture coordinates and normals a corner. (The
-// scans' reader, io/obj.h, makes triangles and keeps neither.)
+// OBJ of artists' base meshes: polygons of any size with a texture coordinate and normal per corner.
+// (io/obj.h, which reads scans, makes triangles and keeps neither.)
 #pragma once
 
 #include <cstdint>

@@ -174,13 +174,12 @@ Json parse_json(std::string_view text, const std::string& path) {
 }
 
 void read_conventions(const Sidecar& in) {
-  // Other conventions are read by `rbvh proxy --vdm`, which writes this one.
+  // Other conventions are read by import_vdm(), whose proxies have this one.
   const Json& json = in.json;
   if (in.text(in.at(json, "space"), "space") != "object" || in.text(in.at(json, "order"), "order") != "xyz" ||
       in.real(in.at(json, "scale"), "scale") != 1 || in.real(in.at(json, "midlevel"), "midlevel") != 0)
     throw Error(ErrorKind::kInput, in.path,
-                "has another space, order, scale or midlevel than object, xyz, 1, 0; convert the asset by "
-                "rbvh proxy --vdm");
+                "has another space, order, scale or midlevel than object, xyz, 1, 0", Remedy::kImportProxy);
 }
 
 ProxyHeader read_header(const Sidecar& in) {
@@ -344,20 +343,13 @@ ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxyS
     header.mesh_bytes = text.size();
     header.mesh_hash = hash_bytes(text);
   }
-  write_vdm_exr(map.temporary_path(), map.path(), proxy.map, proxy.map_width, proxy.map_height);
   {
-    // Read back: OpenEXR does not tell of a full disk.
-    const InputBytes written = read_input(map.temporary_path());
-    header.map_bytes = written.size;
-    header.map_hash = hash_bytes(written.view());
-    std::vector<Vec3f> again;
-    try {
-      again = decode_vdm_exr(written.view(), map.path(), proxy.map_width, proxy.map_height);
-    } catch (const Error&) {
-    }
-    if (again.size() != proxy.map.size() ||
-        std::memcmp(again.data(), proxy.map.data(), again.size() * sizeof(Vec3f)) != 0)
-      throw Error(ErrorKind::kFailure, map.path(), "cannot be written whole; is the disk full?");
+    const std::vector<unsigned char> bytes =
+        encode_vdm_exr(map.path(), proxy.map, proxy.map_width, proxy.map_height);
+    const std::string_view view(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    map.write(view);
+    header.map_bytes = view.size();
+    header.map_hash = hash_bytes(view);
   }
   const std::string text = encode_sidecar(proxy, header);
   sidecar.write(text);

@@ -20,7 +20,7 @@ struct ProxySource {
   Vec3d shift{};           ///< original coordinates are the proxy's + shift
 };
 
-/// What stands in the files beside the proxy.
+/// What the files hold beside the proxy.
 struct ProxyHeader {
   std::uint16_t major = 0, minor = 0;
   std::uint64_t mesh_bytes = 0, map_bytes = 0, sidecar_bytes = 0;
@@ -36,8 +36,8 @@ std::string proxy_sidecar_path(const std::string& path);
 /// True for an .obj with a sidecar beside it.
 bool is_proxy(const std::string& path);
 
-/// For readers of scans, who would take the base for the shape. Throws Error(kInput) where is_proxy(), or
-/// would be but for a sidecar that is missing.
+/// For readers of scans, which would take the base mesh for the scan. Throws Error(kInput) where is_proxy(),
+/// or would be but for a sidecar that is missing.
 void refuse_proxy(const std::string& path);
 
 /// Reads and checks all three: version, lengths, hashes, and everything that find_fault() does. Hostile input

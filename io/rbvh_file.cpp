@@ -1,5 +1,5 @@
 // The pair, written and read. The hierarchy is a FlatBuffers buffer (io/rbvh_file.fbs) whose root begins with
-// a seal: length, hash and version. The seal alone is looked at until it has been found true.
+// a seal: length, hash and version. Nothing but the seal is read before it has been verified.
 #include "io/rbvh_file.h"
 
 // FlatBuffers would stop at 32: nodes and leaves shall not straddle cache lines where the file is mapped.
@@ -57,7 +57,6 @@ std::span<const std::byte> bytes_of(const InputBytes& input) {
 }
 
 // --- reading
-// ------------------------------------------------------------------------------------------------------
 
 // Finds the seal without trusting anything, and holds the file against it.
 const file::Seal& check_seal(std::span<const std::byte> bytes, const std::string& path) {
@@ -142,7 +141,7 @@ Level to_level(const file::Level& from) {
   return level;
 }
 
-// An object, and not so deep that whoever walks it runs out of stack.
+// An object, and shallow enough to be traversed by recursion.
 bool are_build_options(const std::string& text) {
   return parse_shallow_json(text, kMaxBuildOptionsDepth).is_object();
 }
@@ -166,7 +165,6 @@ bool fits_file(const file::Pair& pair, std::uint64_t file_bytes) {
 }
 
 // --- writing
-// ------------------------------------------------------------------------------------------------------
 
 file::Bounds from_bounds(const Bounds3f& b) {
   const float lo[3] = {b.lo.x, b.lo.y, b.lo.z}, hi[3] = {b.hi.x, b.hi.y, b.hi.z};
@@ -238,8 +236,8 @@ flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atl
   return buffer;
 }
 
-// A full disk or a size limit does not always reach us through the TIFF library: what counts is what can be
-// read.
+// The TIFF library does not report every failed write (a full disk, a size limit): the file is read back and
+// compared.
 void check_written(std::span<const std::byte> atlas, const std::string& path, const Rbvh& rbvh) {
   Rbvh again = rbvh;
   for (Level& level : again.levels)

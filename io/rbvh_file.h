@@ -19,7 +19,7 @@ inline constexpr std::uint16_t kFormatMajor = 1, kFormatMinor = 2;
 /// The atlas that belongs to an .rbvh path: beside it, by stem.
 std::string atlas_path(const std::string& rbvh_path);
 
-/// What stands in a pair beside its levels.
+/// What a pair contains beside its levels.
 struct PairHeader {
   std::uint16_t major = 0, minor = 0;
   std::uint64_t hierarchy_bytes = 0, hierarchy_hash = 0;
@@ -41,9 +41,9 @@ struct RbvhBytes {
       levels;  ///< each level's nodes, leaves and layers; what is left are names and headers
 };
 
-/// Writes both files so that no moment shows an old hierarchy with a new atlas; both whole or neither.
+/// Writes both files, so that an old hierarchy never has a new atlas beside it; both whole or neither.
 /// Identical input gives identical bytes. Throws Error(kFailure). Where both together would be over
-/// `most_bytes`, nothing is written: look at what is returned.
+/// `most_bytes`, nothing is written; the result tells.
 RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite,
                      std::uint64_t most_bytes = std::numeric_limits<std::uint64_t>::max());
 

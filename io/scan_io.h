@@ -20,10 +20,11 @@ RawScan parse_scan(std::string_view bytes, const std::string& path);
 
 /// Appends `scan` to `all`; the triangles (points of a cloud) get the object ids after those of `all`.
 /// Different shifts are made one; where only one of them has normals, colours or a property, the other gets
-/// zeros, white or NaN. The whole has no viewpoint. Throws Error(kInput) when a mesh meets a cloud.
+/// zeros, white or NaN. The whole has no viewpoint. Throws Error(kInput) when one is a mesh and the other a
+/// cloud.
 void merge_scan(RawScan& all, RawScan&& scan);
 
-/// Binary little-endian PLY as docs/file_format.md lays down ("-": standard output), written whole or not at
+/// Binary little-endian PLY as docs/file_format.md defines it ("-": standard output), written whole or not at
 /// all. Throws Error(kFailure).
 void write_ply(const std::string& path, const Scan& scan, bool overwrite);
 

@@ -171,10 +171,10 @@ class Reader {
   }
 
   static Affine rotation(const Vec3d& axis, double degrees) {
-    // Quarter turns shall be exact.
-    const double turn = std::fmod(degrees, 360.0), radians = turn * std::numbers::pi / 180;
+    // Multiples of 90 degrees are exact.
+    const double angle = std::fmod(degrees, 360.0), radians = angle * std::numbers::pi / 180;
     double c = std::cos(radians), s = std::sin(radians);
-    if (std::fmod(turn, 90.0) == 0) {
+    if (std::fmod(angle, 90.0) == 0) {
       c = std::round(c);
       s = std::round(s);
     }

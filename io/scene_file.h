@@ -1,5 +1,4 @@
-// scene.json (docs/scene.md): which files are in a scene, and where they stand. Says nothing of what is in
-// the files.
+// scene.json (docs/scene.md): the files of a scene and their placement; the files are not opened.
 #pragma once
 
 #include <string>
@@ -25,13 +24,13 @@ struct SceneFile {
   bool z_is_up = false;
 };
 
-/// No scene places more.
+/// More in a scene are an error.
 inline constexpr std::size_t kMostSceneInstances = 1000000;
 
 /// True for a path that ends in .json: no other input does.
 bool is_scene(const std::string& path);
 
-/// Reads a scene; its paths are relative to its folder. Groups are laid open. Hostile input is expected.
+/// Reads a scene; its paths are relative to its folder. Groups are expanded. Hostile input is expected.
 /// Throws Error(kInput) naming the first fault: what is no JSON, unknown or doubled words, references that
 /// are missing or lead back to themselves, transforms that are singular or not finite, too many instances.
 SceneFile read_scene(const std::string& path);

@@ -31,15 +31,14 @@ bool looks_ascii(std::string_view bytes) {
 
 RawScan read_binary(std::string_view bytes, const std::string& file) {
   if (bytes.size() < kHeader)
-    throw Error(ErrorKind::kInput, file,
-                "byte " + std::to_string(bytes.size()) + ": cut inside the 84 bytes of STL header");
+    throw Error(ErrorKind::kInput, file, FilePlace{"byte", bytes.size()},
+                "cut inside the 84 bytes of STL header");
   const std::uint64_t count = binary_count(bytes);
   const std::uint64_t available = (bytes.size() - kHeader) / kTriangle;
   if (count > available)
-    throw Error(ErrorKind::kInput, file,
-                "byte " + std::to_string(bytes.size()) + ": the header promises " + std::to_string(count) +
-                    " triangles, but there are bytes for " + std::to_string(available) +
-                    ": cut, or no STL file");
+    throw Error(ErrorKind::kInput, file, FilePlace{"byte", bytes.size()},
+                "the header promises " + std::to_string(count) + " triangles, but there are bytes for " +
+                    std::to_string(available) + ": cut, or no STL file");
   const std::size_t left = bytes.size() - kHeader - static_cast<std::size_t>(count) * kTriangle;
   if (left >= kTriangle)
     throw Error(ErrorKind::kInput, file,

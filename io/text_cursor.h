@@ -57,7 +57,7 @@ struct TextCursor {
     return lines;
   }
   [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ErrorKind::kInput, *file, "line " + std::to_string(line()) + ": " + what);
+    throw Error(ErrorKind::kInput, *file, FilePlace{"line", line()}, what);
   }
 
   bool at_end() const { return at >= end; }

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "io/encode_image.h"
 #include "io/input_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -23,11 +24,6 @@ constexpr std::uint64_t kMaxExpansion = 1100;
 std::string one_line(std::string why) {
   std::replace(why.begin(), why.end(), '\n', ' ');
   return why;
-}
-
-[[noreturn]] void write_failed(const std::string& path, const std::string& why) {
-  throw Error(ErrorKind::kFailure, path,
-              "cannot be written: " + (why.empty() ? "the disk may be full" : one_line(why)));
 }
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
@@ -154,11 +150,8 @@ class StderrAside {
 
 }  // namespace
 
-void write_vdm_exr(const std::string& temporary_path, const std::string& path, const std::vector<Vec3f>& map,
-                   std::uint32_t width, std::uint32_t height) {
-  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("openexr");
-  if (out == nullptr) write_failed(path, OIIO::geterror());
-  out->threads(thread_count());
+std::vector<unsigned char> encode_vdm_exr(const std::string& path, const std::vector<Vec3f>& map,
+                                          std::uint32_t width, std::uint32_t height) {
   OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), 3, OIIO::TypeFloat);
   spec.channelnames = {"R", "G", "B"};
   spec.alpha_channel = -1;
@@ -172,9 +165,7 @@ void write_vdm_exr(const std::string& temporary_path, const std::string& path, c
   spec.attribute("vdm:order", "xyz");
   spec.attribute("vdm:scale", 1.f);
   spec.attribute("vdm:midlevel", 0.f);
-  if (!out->open(temporary_path, spec)) write_failed(path, out->geterror());
-  if (!out->write_image(OIIO::TypeFloat, map.data())) write_failed(path, out->geterror());
-  if (!out->close()) write_failed(path, out->geterror());
+  return encode_image("openexr", spec, OIIO::TypeFloat, map.data(), path);
 }
 
 std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path, std::uint32_t width,
@@ -206,7 +197,7 @@ std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path
 
 namespace {
 
-// What the file's first bytes say.
+// The format by the file's first bytes.
 const char* format_of(std::string_view bytes) {
   using namespace std::string_view_literals;
   if (bytes.starts_with("\x76\x2f\x31\x01"sv)) return "openexr";

@@ -11,12 +11,12 @@
 
 namespace rbvh {
 
-/// Writes an EXR of three 32-bit floats to `temporary_path` with attributes that say how to read it.
-/// Identical texels give identical bytes. Errors name `path`. Throws Error(kFailure).
-void write_vdm_exr(const std::string& temporary_path, const std::string& path, const std::vector<Vec3f>& map,
-                   std::uint32_t width, std::uint32_t height);
+/// The bytes of an EXR of three 32-bit floats, with attributes that say how to read it. Identical texels give
+/// identical bytes. Throws Error(kFailure), naming `path`.
+std::vector<unsigned char> encode_vdm_exr(const std::string& path, const std::vector<Vec3f>& map,
+                                          std::uint32_t width, std::uint32_t height);
 
-/// Reads what write_vdm_exr() wrote, `width` x `height` texels. Hostile bytes are expected; memory is bounded
+/// Reads what encode_vdm_exr() made, `width` x `height` texels. Hostile bytes are expected; memory is bounded
 /// by 1100 times their number. Throws Error(kInput), naming `path`.
 std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path, std::uint32_t width,
                                   std::uint32_t height);

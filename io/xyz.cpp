@@ -309,7 +309,7 @@ class XyzReader {
 
 bool is_xyz(std::string_view bytes) {
   static const std::string kNoFile;
-  // The last line of what is looked at may be cut in the middle, which does not matter here.
+  // The last line of these bytes may be cut in the middle, which does not matter here.
   TextCursor in(bytes.substr(0, 65536), kNoFile);
   std::string_view line;
   for (int lines = 0; lines <= kMostHeaderLines + 1 && in.next_line(line);) {

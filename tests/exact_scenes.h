@@ -154,7 +154,7 @@ inline std::vector<Ray> random_rays(Random& random, const Scan& scan, std::size_
   return rays;
 }
 
-/// Rays that meet vertices, edges and planes exactly, along the axes and between.
+/// Rays that hit vertices, edges and planes exactly, along the axes and between.
 inline std::vector<Ray> exact_rays(Random& random, const Scan& scan, std::size_t count) {
   std::vector<Ray> rays;
   for (std::size_t i = 0; i < count && !scan.positions.empty(); ++i) {

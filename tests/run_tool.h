@@ -49,7 +49,7 @@ class ToolTest : public testing::Test {
     std::filesystem::remove(err);
     return run;
   }
-  /// Does its work without a word.
+  /// Succeeds, with nothing on stderr.
   void good(const std::string& words) const {
     const ToolRun run = tool(words + " -q");
     EXPECT_EQ(run.code, 0) << words << "\n" << run.err;
@@ -72,7 +72,7 @@ class ToolTest : public testing::Test {
     std::ofstream(path(name), std::ios::binary) << content;
   }
   bool exists(const std::string& name) const { return std::filesystem::exists(path(name)); }
-  /// What lies in the folder, sorted, with spaces between.
+  /// The names in the folder, sorted, with spaces between.
   std::string files() const {
     std::vector<std::string> names;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))

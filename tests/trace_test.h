@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "pipeline/device/device.h"
-#include "pipeline/trace/trace_tile.h"
+#include "pipeline/trace/tracer.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
 
 namespace rbvh {
 
-/// Kernels build without a word.
+/// Kernels build with an empty log.
 class TraceTest : public testing::Test {
  protected:
   Random random{property_seed()};
@@ -25,14 +25,14 @@ class TraceTest : public testing::Test {
 };
 
 /// Casts by any tracer; every hit is written.
-template <class Tracer>
-std::vector<Hit> cast(const Tracer& tracer, const std::vector<Ray>& rays, RayQuery query = RayQuery::kNearest,
-                      std::vector<std::uint32_t>* steps = nullptr) {
+inline std::vector<Hit> cast(const Tracer& tracer, const std::vector<Ray>& rays,
+                             RayQuery query = RayQuery::kNearest,
+                             std::vector<std::uint32_t>* steps = nullptr) {
   const Buffer<Ray> ray_buffer(tracer.device, rays);
   Buffer<Hit> hits(tracer.device, rays.size());
   hits.fill(0xcd);
   const Buffer<std::uint32_t> step_buffer(tracer.device, rays.size());
-  trace_rays(tracer, ray_buffer, hits, rays.size(), query, steps != nullptr ? &step_buffer : nullptr);
+  tracer.intersect(ray_buffer, hits, rays.size(), query, steps != nullptr ? &step_buffer : nullptr);
   if (steps != nullptr) *steps = step_buffer.read();
   return hits.read();
 }

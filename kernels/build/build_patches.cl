@@ -2,15 +2,14 @@
 // Surfaces in a GPU Ray Tracer", GPU Pro 6, listing 1.2. Levels are built bottom-up: displaced vertices, the
 // micro-quads' boxes, then each level from the one below.
 //
-// GROUP work-items share a patch; groups take patches from a queue until none is left. WIDE: a group is one
-// work-item that builds 16 nodes at once (a CPU).
+// GROUP work-items share a patch; groups take patches from a queue until none is left. WIDE (a CPU): a group
+// is one work-item that builds 16 nodes at once.
 #include "kernels/trace/patch_surface.h"
 #include "kernels/common/work_queue.h"
 
 // --- bounds: one patch a work-item
 
-// From box to quanta: rounding in here is far less than the twentieth of a quantum that is left on both
-// sides.
+// From box to quanta, with a margin of a twentieth of a quantum on both sides: far more than rounding errors.
 static inline void quantise(float3 lo, float3 hi, float3 root_lo, float3 per_quantum, float3* q_lo,
                             float3* q_hi) {
   *q_lo = clamp(floor((lo - root_lo) * per_quantum - 0.05f), 0.0f, 65535.0f);
@@ -40,7 +39,7 @@ __kernel void bound_patches(__global Patch* patches, uint count, __global const 
     root_lo = min(root_lo, a);
     root_hi = max(root_hi, b);
   }
-  // Along some of the micro-quads' sides at the finest.
+  // The length of micro-quads' sides, from a sample of them at the finest level.
   float squares_u = 0.0f, squares_v = 0.0f, samples = 0.0f;
   const uint stride = max(n / 16, 1u);
   for (uint j = stride / 2; j < n; j += stride) {
@@ -127,7 +126,7 @@ static inline void build_inner(__global PatchBlock* blocks, uint node) {
 }
 
 #ifdef WIDE
-// What rows of vertices x y z x y z ... are made of: the corners, 16 floats of a row that begins with x.
+// The patch's corners, repeated as in a row of vertices x y z x y z ..., 16 floats.
 typedef struct RowMaker {
   float16 corners[4];
 } RowMaker;
@@ -159,7 +158,7 @@ static inline float16 make_row(const RowMaker* maker, __global const Patch* p, _
   return base + (float16)(a, b, c, d, e, 0.0f);
 }
 
-// 16 nodes on their way to their parents.
+// 16 nodes in registers.
 typedef struct Nodes16 {
   ushort16 planes[6];
   int16 x, y, z;  // normals
@@ -205,7 +204,7 @@ static inline Nodes16 build_leaves16(const RowMaker* maker, __global const Patch
     vstore16(axes[axis].second, 0, grid + GRID_AXIS * axis + 9);
   }
   if (edges != level * 0x01010101u &&
-      (i == 0 || j == 0 || i + 4 == n || j + 4 == n)) {  // borders can be coarser
+      (i == 0 || j == 0 || i + 4 == n || j + 4 == n)) {  // borders may be coarser
     for (uint k = 0; k < 25; ++k) {
       const uint vi = i + k % 5, vj = j + k / 5;
       if (vi != 0 && vj != 0 && vi != n && vj != n) continue;
@@ -265,7 +264,6 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
   const uint level = build.level, n = 1u << level, side = n + 1, count = side * side;
   __global float* vertices = (__global float*)slot_vertices(blocks, level);
   const float3 root_lo = vload3(0, p->lo), per_quantum = 65535.0f / (vload3(0, p->hi) - root_lo);
-  const uint id = (uint)get_local_id(0);
 #ifdef WIDE
   if (level < 2) {
     for (uint v = 0; v < count; ++v)
@@ -289,6 +287,7 @@ static inline void build_patch(__global const Patch* p, __global const float* ma
   }
   if (level > 0) build_inner(blocks, 0);
 #else
+  const uint id = (uint)get_local_id(0);
   for (uint v = id; v < count; v += GROUP) {
     const float3 place = patch_vertex(p, map, level, build.edges, v % side, v / side);
     vstore3(place, v, vertices);

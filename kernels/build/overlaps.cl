@@ -1,5 +1,5 @@
-// The primitives that reach into a tile without being its own: found by descending the partition with the
-// tile's box.
+// Finds a tile's overlapping neighbours, primitives of other tiles whose box overlaps its box, by traversing
+// the partition.
 #include "kernels/common/layout.h"
 
 #define STACK 128
@@ -26,7 +26,7 @@ __kernel void overlaps_find(__global const PartitionBox* nodes, __global const O
     if (node->begin >= query.begin && node->end <= query.end) continue;
     if (!boxes_overlap(lo, hi, (float4)(vload3(0, node->lo), 0.0f), (float4)(vload3(0, node->hi), 0.0f)))
       continue;
-    // A tree too deep for the stack is searched from there primitive by primitive.
+    // Where the stack is full, the whole subtree is tested primitive by primitive.
     if (node->left >= 0 && top + 2 <= STACK) {
       stack[top++] = node->left + 1;
       stack[top++] = node->left;

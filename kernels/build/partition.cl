@@ -83,7 +83,8 @@ __kernel void partition_choose(__global const Run* runs, uint run_count, __globa
   sums_store(&right, sums + 2 * r + 1);
 }
 
-// Moves references to their side, in order: targets[2r] and targets[2r + 1] say where this run's begin.
+// Moves references to their side, in order. This run's left and right ones begin at targets[2r] and
+// targets[2r + 1].
 __kernel void partition_scatter(__global const Run* runs, uint run_count, __global const uint* targets,
                                 __global const uint* references, __global const uchar* sides,
                                 __global uint* moved) {
@@ -103,7 +104,7 @@ __kernel void partition_copy(__global const Run* runs, uint run_count, __global 
 }
 
 // The cone of normals (second pass over the primitives): per run, the smallest cosine between a primitive's
-// normal and its node's mean normal. Primitives without area have no say.
+// normal and its node's mean normal. Primitives without area are skipped.
 __kernel void partition_cones(__global const Run* runs, uint run_count, __global const float4* axes,
                               __global const uint* references, __global const float4* area_normal,
                               __global float* cosines) {
@@ -121,8 +122,8 @@ __kernel void partition_cones(__global const Run* runs, uint run_count, __global
   cosines[r] = least;
 }
 
-// The surface area heuristic's bins (section 3.2 of the paper): per run, axis by axis, what lies between the
-// candidates.
+// The surface area heuristic's bins (section 3.2 of the paper): per run and axis, the bounds and area between
+// two candidate planes.
 __kernel void partition_bins(__global const Run* runs, uint run_count, __global const SplitGrid* grids,
                              __global const uint* references, __global const float4* box_lo,
                              __global const float4* box_hi, __global SplitBin* bins) {

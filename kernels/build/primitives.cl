@@ -1,12 +1,9 @@
 // Primitives (triangles or oriented discs) as the partition sees them: a box, an area and an area-weighted
-// normal. After the first two kernels nothing but the rasteriser knows which kind they are.
+// normal. After these kernels only the rasteriser distinguishes the two.
+#include "kernels/build/load3.h"
 #include "kernels/common/layout.h"
 
 #pragma OPENCL FP_CONTRACT OFF
-
-static inline float4 load3(__global const float* p, uint i) {
-  return (float4)(p[3 * i], p[3 * i + 1], p[3 * i + 2], 0.0f);
-}
 
 // Spreads the low 10 bits of x, two zeros between neighbours.
 static inline uint spread(uint x) {
@@ -41,9 +38,9 @@ static inline uint scramble(uint x) {
   return x ^ (x >> 16);
 }
 
-// Which vertices lie on a rim: inside a surface each neighbour of a vertex belongs to two of its triangles,
-// and numbers that are combined twice by exclusive or leave nothing. `left_over`: zero before; what is left
-// of each vertex.
+// Finds the vertices at boundary edges: inside a surface each neighbour of a vertex belongs to two of its
+// triangles, and a number that is combined twice by exclusive or cancels. `left_over`: zero before; not zero
+// after at a boundary vertex.
 __kernel void primitives_boundary(__global const uint* indices, uint count,
                                   volatile __global uint* left_over) {
   const uint i = get_global_id(0);
@@ -55,7 +52,7 @@ __kernel void primitives_boundary(__global const uint* indices, uint count,
   atomic_xor(left_over + c, of_a ^ of_b);
 }
 
-// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w: 1 where it touches a rim.
+// shape: 9 floats a triangle, its corners. box_lo.w: area. area_normal.w: 1 where it touches a boundary edge.
 __kernel void primitives_triangles(__global const float* positions, __global const uint* indices,
                                    __global const uint* order, __global const uint* left_over, uint count,
                                    __global float* shape, __global float4* box_lo, __global float4* box_hi,
@@ -93,24 +90,24 @@ __kernel void primitives_discs(__global const float* positions, __global const f
   shape[9 * (size_t)j + 3] = radius;
   vstore3(n.xyz, 0, shape + 9 * (size_t)j + 4);
   shape[9 * (size_t)j + 7] = shape[9 * (size_t)j + 8] = 0.0f;
-  // A disc reaches radius * sqrt(1 - n_axis^2) along each axis.
-  float4 reach = radius * sqrt(max(1.0f - n * n, 0.0f));
-  reach.w = 0.0f;
+  // A disc extends radius * sqrt(1 - n_axis^2) along each axis.
+  float4 extent = radius * sqrt(max(1.0f - n * n, 0.0f));
+  extent.w = 0.0f;
   const float spacing = radius * spacing_per_radius;
-  float4 lo = c - reach;
+  float4 lo = c - extent;
   lo.w = spacing * spacing;
   box_lo[j] = lo;
-  box_hi[j] = c + reach;
+  box_hi[j] = c + extent;
   area_normal[j] = n * (spacing * spacing);
 }
 
-// A patch of fewer primitives than this is no noise, but what the scan has of a shape.
-#define MANY 12u
-// The part of their area that normals' sum must have to be of one side.
+// A patch of fewer primitives than this is shape, not noise.
+#define LEAST_PATCH 12u
+// The area-weighted normals of a patch with one side sum up to more than this part of its area.
 #define ONE_SIDED 0.35f
 
-// The direction that the normals of primitives [begin, end) have most of, either way: of the sum of n n^T /
-// |n| the longest row, turned further by itself.
+// The dominant axis of the normals of primitives [begin, end), whatever their signs: power iteration on the
+// sum of n n^T / |n|, from its row of the largest diagonal entry.
 static inline float4 main_axis(__global const float4* area_normal, uint begin, uint end) {
   float4 x = (float4)(0.0f), y = x, z = x;
   for (uint i = begin; i < end; ++i) {
@@ -124,23 +121,23 @@ static inline float4 main_axis(__global const float4* area_normal, uint begin, u
     z += n * unit.z;
   }
   float4 axis = x.x >= y.y && x.x >= z.z ? x : y.y >= z.z ? y : z;
-  for (int turn = 0; turn < 4; ++turn) {
+  for (int iteration = 0; iteration < 4; ++iteration) {
     axis /= max(fabs(axis.x) + fabs(axis.y) + fabs(axis.z), 1e-37f);
     axis = (float4)(dot(x, axis), dot(y, axis), dot(z, axis), 0.0f);
   }
   return axis;
 }
 
-// Areas without what noise adds that is finer than a patch of area `limit`: primitives that lie together and
-// have no more area than that get the area of their mean plane, handed out by their own. Where normals
-// cancel, as in a thin sheet, each side is for itself. One work-item looks at `window` primitives in a row.
+// Removes the area that noise finer than a patch of area `limit` adds: consecutive primitives of no more area
+// than that are scaled to the area of their mean plane. Where normals cancel, as in a thin sheet, each side
+// has a plane of its own. One work-item handles `window` consecutive primitives.
 __kernel void primitives_smooth_areas(uint count, uint window, float limit,
                                       __global const float4* area_normal, __global float4* box_lo) {
   const uint first = get_global_id(0) * window, last = min(first + window, count);
   for (uint begin = first, end; begin < last; begin = end) {
     float area = box_lo[begin].w;
     for (end = begin + 1; end < last && area + box_lo[end].w <= limit; ++end) area += box_lo[end].w;
-    if (end - begin < MANY || !(area > 0.0f)) continue;
+    if (end - begin < LEAST_PATCH || !(area > 0.0f)) continue;
     const float4 axis = main_axis(area_normal, begin, end);
     float4 sums[2] = {(float4)(0.0f), (float4)(0.0f)};
     for (uint i = begin; i < end; ++i) {

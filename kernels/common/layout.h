@@ -84,8 +84,8 @@ typedef struct RbvhLeaf {
 } RbvhLeaf;
 RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
 
-// A leaf that falls back to exact primitives, as a height field is a poor fit: RbvhLeaf.primitives of them,
-// from `first` on. They are what rays hit; its tile still carries the other layers.
+// A leaf that falls back to exact primitives, because a height field is a poor fit: RbvhLeaf.primitives of
+// them, from `first` on. Rays are intersected with them; the tile still carries the other layers.
 typedef struct RbvhExactLeaf {
   rbvh_u32 leaf;
   rbvh_u32 first;
@@ -102,24 +102,24 @@ RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
 #define RBVH_NO_BLOCK 0xffffffffu
 
-// A tile for tracing; of a leaf that fell back to exact primitives one for each block of them.
+// A tile for tracing; of a leaf of exact primitives one for each block of them.
 typedef struct RbvhTile {
   float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
   rbvh_u32 offset;    // its first texel in the heights; they lie row by row
   rbvh_u16 width, height;
   float step_limit;    // in height quanta
   float top;           // the largest height
-  float lo[3], hi[3];  // the leaf's box: what is rasterised past it is there for the march, not to be hit
+  float lo[3], hi[3];  // the leaf's box: texels past it are for interpolation, not to be hit
   rbvh_u32 leaf;       // whose tile it is
   rbvh_u32 block;      // of exact primitives in place of the heights; RBVH_NO_BLOCK: none
 } RbvhTile;
 RBVH_LAYOUT_SIZE(RbvhTile, 96);
 
-// --- points on the surface
+// --- points on the surface ---
 
 // A leaf that a point lies near, and where: u, v in texels of its tile. `distance` in scan units to the
-// leaf's surface: of a tile along its w, of a leaf with exact primitives to the nearest of them. `covers` 0:
-// the point lies beside the tile's surface, and `distance` is none.
+// leaf's surface: of a tile along its w, of a leaf of exact primitives to the nearest of them. `covers` 0:
+// the point lies beside the tile's surface, and there is no `distance`.
 typedef struct PointHit {
   rbvh_u32 leaf;
   float u, v;
@@ -128,7 +128,7 @@ typedef struct PointHit {
 } PointHit;
 RBVH_LAYOUT_SIZE(PointHit, 20);
 
-// --- building
+// --- building ---
 
 // A run of primitive references of one node or tile: what one work-item handles.
 typedef struct Run {
@@ -137,10 +137,10 @@ typedef struct Run {
 } Run;
 RBVH_LAYOUT_SIZE(Run, 12);
 
-// Where a node is cut in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
+// How a node is split in two. RBVH_SPLIT_PLANE: primitives whose box centre lies below the plane go left;
 // RBVH_SPLIT_FACING: those whose normal's cosine with `direction` is at least `position`; RBVH_SPLIT_COUNT:
-// the first half of them; RBVH_SPLIT_OBJECT: those of the object `middle`; RBVH_SPLIT_BOUNDARY: those that
-// touch a boundary edge of the surface.
+// the references before `middle`; RBVH_SPLIT_OBJECT: those of the object `middle`; RBVH_SPLIT_BOUNDARY: those
+// that touch a boundary edge of the scan.
 #define RBVH_SPLIT_PLANE 0u
 #define RBVH_SPLIT_FACING 1u
 #define RBVH_SPLIT_COUNT 2u
@@ -164,7 +164,7 @@ typedef struct SplitGrid {
 } SplitGrid;
 RBVH_LAYOUT_SIZE(SplitGrid, 24);
 
-// What lies between two of those planes.
+// The primitives whose centres lie between two of those planes.
 typedef struct SplitBin {
   float lo[3];
   float area;
@@ -180,8 +180,7 @@ typedef struct ObjectSet {
 } ObjectSet;
 RBVH_LAYOUT_SIZE(ObjectSet, 12);
 
-// A node of the partition, as the search for a tile's overlapping neighbours reads it: references [begin,
-// end).
+// A node of the partition, as the search for overlapping neighbours reads it: references [begin, end).
 typedef struct PartitionBox {
   float lo[3];
   rbvh_i32 left;  // its children are left and left + 1; -1: none
@@ -191,7 +190,7 @@ typedef struct PartitionBox {
 } PartitionBox;
 RBVH_LAYOUT_SIZE(PartitionBox, 36);
 
-// What touches the box and is not among the references [begin, end) is an overlapping neighbour.
+// Overlapping neighbours are the primitives that touch the box and are not among the references [begin, end).
 typedef struct OverlapQuery {
   float lo[3];
   rbvh_u32 begin;
@@ -207,14 +206,14 @@ typedef struct PrimitiveSums {
   float hi[3];
   float area;
   float area_normal[3];  // sum of area times unit normal; its length is the projected area
-  float boundary;        // how many touch a boundary edge
+  float boundary;        // how many touch a boundary edge of the scan
 } PrimitiveSums;
 RBVH_LAYOUT_SIZE(PrimitiveSums, 48);
 
 #define RBVH_FRAME_ANGLES 16
 
-// A tile's plane while its rectangle is sought: `u` is turned about `w` by RBVH_FRAME_ANGLES angles in [0,
-// 90) degrees.
+// A tile's plane before its smallest rectangle is known: `u` is rotated about `w` by RBVH_FRAME_ANGLES angles
+// in [0, 90) degrees.
 typedef struct TileAxes {
   float origin[4];
   float u[4], v[4], w[4];
@@ -230,7 +229,8 @@ typedef struct TileExtents {
 } TileExtents;
 RBVH_LAYOUT_SIZE(TileExtents, 320);
 
-// What stands steeper on a tile than this cosine of its normal and the tile's is not shown well by it.
+// A primitive is steep on a tile where the cosine between its normal and the tile's is below this: a height
+// field is a poor fit for it.
 #define RBVH_STEEP_COSINE 0.25f
 
 // A tile being rasterised. Tile space: u, v in texels from the first texel centre; w in fine quanta,
@@ -244,12 +244,12 @@ typedef struct RasterTile {
 } RasterTile;
 RBVH_LAYOUT_SIZE(RasterTile, 64);
 
-// Why a tile is better split.
+// What makes a height field a poor fit for a tile's primitives, counted.
 typedef struct TileFaults {
-  rbvh_u32 layered;  // texels that two layers share
+  rbvh_u32 layered;  // texels covered at two heights
   rbvh_u32 steps;    // pairs of neighbouring texels too far apart in height to be one surface
-  rbvh_u32 backs;    // texels' centres covered by what faces away
-  rbvh_u32 steep;    // area of what stands too steep to be shown, in sixteenths of a texel
+  rbvh_u32 backs;    // texels' centres covered by primitives that face away, once for each
+  rbvh_u32 steep;    // area of the steep primitives, in sixteenths of a texel
   rbvh_u32 misses;   // corners of triangles too far from the heights around them
 } TileFaults;
 RBVH_LAYOUT_SIZE(TileFaults, 20);

@@ -1,9 +1,12 @@
-// Rays and normals between the world and an object's own space.
+// Rays and normals between the world and an object's space.
 #ifndef RBVH_OBJECT_RAY_H
 #define RBVH_OBJECT_RAY_H
 #include "kernels/common/layout.h"
 
-// The ray in the object's space; t stays what it was. `to_object`: rows of an affine map.
+// So that a ray in the object's space does not depend on the kernel that places it.
+#pragma OPENCL FP_CONTRACT OFF
+
+// The ray in the object's space, with the same t. `to_object`: rows of an affine map.
 static inline Ray object_ray(const float* to_object, const Ray* ray) {
   Ray r;
   for (uint row = 0; row < 3; ++row) {
@@ -16,7 +19,7 @@ static inline Ray object_ray(const float* to_object, const Ray* ray) {
   return r;
 }
 
-// A normal goes the other way through the transposed map. Unit; against the direction where it has no length.
+// Normals transform by the transposed map. Unit; a normal without length becomes the reversed direction.
 static inline float3 world_normal(const float* to_object, const float* normal, const float* direction) {
   const float* m = to_object;
   const float3 n = (float3)(m[0] * normal[0] + m[4] * normal[1] + m[8] * normal[2],

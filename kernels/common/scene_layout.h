@@ -1,8 +1,9 @@
-// Where an object stands among others; shared with the host.
+// Instances of a scene; shared with the host.
 #ifndef RBVH_SCENE_LAYOUT_H
 #define RBVH_SCENE_LAYOUT_H
 
-#include "kernels/common/layout.h"
+#include "kernels/bvh/bvh_layout.h"
+#include "kernels/common/ray_queue_layout.h"
 
 #ifndef __OPENCL_VERSION__
 namespace rbvh {
@@ -17,14 +18,14 @@ typedef struct ScenePlacement {
 } ScenePlacement;
 RBVH_LAYOUT_SIZE(ScenePlacement, 80);
 
-// How far a ray has come among instances or patches, nearest first: those that it enters up to (t, id) are
-// done with; it enters the next one at next_t.
-typedef struct RayProgress {
-  float t;
-  rbvh_u32 id;
-  float next_t;
-} RayProgress;
-RBVH_LAYOUT_SIZE(RayProgress, 12);
+// Scalars of a round of intersect_instances().
+typedef struct SceneSearch {
+  BvhRoot top;  // over the instances
+  RayRange range;
+  rbvh_u32 most_rays;   // at most so many go on, or begin
+  rbvh_u32 most_items;  // a ray
+} SceneSearch;
+RBVH_LAYOUT_SIZE(SceneSearch, 60);
 
 #ifndef __OPENCL_VERSION__
 }  // namespace rbvh

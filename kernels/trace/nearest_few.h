@@ -1,8 +1,8 @@
-// The nearest few of what a ray comes to in one round, in the order of (t, id), and where it goes on in the
-// next. MOST: of them.
+// The nearest few targets that a ray reaches in one round, in the order of (t, id), and where it goes on in
+// the next. MOST: targets a ray and round.
 #ifndef RBVH_NEAREST_FEW_H
 #define RBVH_NEAREST_FEW_H
-#include "kernels/common/scene_layout.h"
+#include "kernels/common/ray_queue_layout.h"
 
 typedef struct Candidate {
   float t;  // where the ray enters it
@@ -10,12 +10,12 @@ typedef struct Candidate {
 } Candidate;
 
 typedef struct NearestFew {
-  RayProgress after;            // what was entered before is done with
-  Candidate nearest[MOST + 1];  // one more than are taken: whether the ray must go on depends on it
+  RayProgress after;            // targets entered before are done with
+  Candidate nearest[MOST + 1];  // one more than are taken: it tells whether and where the ray goes on
   uint count, most;
 } NearestFew;
 
-// Where the ray ends, for now: what it enters farther away is not among them. `limit`: at its nearest hit.
+// Targets entered beyond this t are not among the nearest few. `limit`: t of the ray's nearest hit.
 static inline float few_limit(const NearestFew* few, float limit) {
   return few->count > few->most ? min(limit, few->nearest[few->most].t) : limit;
 }
@@ -39,7 +39,7 @@ static inline void add_candidate(NearestFew* few, float t, uint id) {
   few->nearest[at].id = id;
 }
 
-// After the last one: what lies behind `limit` goes. Returns how many are to be met.
+// After the last candidate: drops those beyond `limit`. Returns how many to take.
 static inline uint finish_candidates(NearestFew* few, float limit) {
   while (few->count > 0 && few->nearest[few->count - 1].t > limit) --few->count;
   return min(few->count, few->most);

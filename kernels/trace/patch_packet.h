@@ -1,155 +1,40 @@
-// A patch's hierarchy met by sixteen rays that stay together: the bounds of all rays meet 16 boxes at once,
-// and the rays that come to 16 micro-quads meet these one ray after the other. Every ray finds what it finds
-// alone.
+// Sixteen coherent rays traverse a patch's hierarchy together: interval arithmetic over all rays against 16
+// boxes at once, and the rays that reach 16 micro-quads intersect those one ray after the other. Every ray
+// finds the hit it finds alone.
 #ifndef RBVH_PATCH_PACKET_H
 #define RBVH_PATCH_PACKET_H
-#include "kernels/trace/patch_query.h"
+#include "kernels/trace/ray_lanes.h"
+#include "kernels/trace/traverse_patch.h"
 
-#define PACKET 16
-// How far the directions may differ, in parts of their length, and the origins, in parts of the object.
-// Farther apart the rays' bounds meet much that no ray does.
+// Rays are coherent while their directions differ by at most this much of their length, and their origins by
+// this much of the object. Farther apart, the rays' intervals reach many boxes that no ray intersects.
 #define PACKET_SPREAD 0.1f
 #define PACKET_ORIGINS 0.01f
-#define PACKET_LEAST 3  // so many rays are a packet
+#define PACKET_LEAST 3  // rays that make a packet
 
-// Sixteen rays, side by side.
-typedef struct RayLanes {
-  float16 origin[3], direction[3], tmin, tmax;
-  uint used;  // as bits
-} RayLanes;
-
-static inline void load_lanes(const Ray* rays, uint count, RayLanes* lanes) {
-  float words[8][PACKET];
-  for (uint i = 0; i < PACKET; ++i) {
-    const Ray ray = rays[i < count ? i : 0];
-    for (uint axis = 0; axis < 3; ++axis) {
-      words[axis][i] = ray.origin[axis];
-      words[axis + 4][i] = ray.direction[axis];
-    }
-    words[3][i] = ray.tmin;
-    words[7][i] = ray.tmax;
-  }
-  for (uint axis = 0; axis < 3; ++axis) {
-    lanes->origin[axis] = vload16(0, words[axis]);
-    lanes->direction[axis] = vload16(0, words[axis + 4]);
-  }
-  lanes->tmin = vload16(0, words[3]);
-  lanes->tmax = vload16(0, words[7]);
-  lanes->used = (1u << count) - 1;
-}
-
-// As object_ray().
-static inline void place_lanes(const float* to_object, const RayLanes* world, RayLanes* placed) {
-  const float16 *o = world->origin, *d = world->direction;
-  for (uint row = 0; row < 3; ++row) {
-    const float* m = to_object + 4 * row;
-    placed->origin[row] = m[0] * o[0] + m[1] * o[1] + m[2] * o[2] + m[3];
-    placed->direction[row] = m[0] * d[0] + m[1] * d[1] + m[2] * d[2];
-  }
-  placed->tmin = world->tmin;
-  placed->tmax = world->tmax;
-  placed->used = world->used;
-}
-
-// Rays that meet a box up to `limits`, as bits: by the arithmetic of prepare() and intersect_children().
-static inline uint intersect_box_lanes(const RayLanes* rays, const BvhRoot* box, float16 limits) {
-  float16 reach = 0.0f, longest = 0.0f;
-  for (uint axis = 0; axis < 3; ++axis) {
-    const float16 o = rays->origin[axis];
-    reach = max(reach, max(fabs(o), max(fabs(box->lo[axis] - o), fabs(box->hi[axis] - o))));
-    longest = max(longest, fabs(rays->direction[axis]));
-  }
-  const float16 margin = 1.2e-6f * reach;  // error_bound()
-  float16 enter = rays->tmin, leave = limits;
-  for (uint axis = 0; axis < 3; ++axis) {
-    const float16 o = rays->origin[axis], d = rays->direction[axis];
-    const float16 inverse = select(copysign(1e18f / longest, d), 1.0f / d, fabs(d) > 1e-18f * longest);
-    const float16 outwards = copysign(margin, inverse);
-    const float16 near = select((float16)(box->lo[axis]), (float16)(box->hi[axis]), inverse < 0.0f),
-                  far = select((float16)(box->hi[axis]), (float16)(box->lo[axis]), inverse < 0.0f);
-    enter = max(enter, mad(near, inverse, -(o + outwards) * inverse));
-    leave = min(leave, mad(far, inverse, -(o - outwards) * inverse));
-  }
-  return lane_bits16(enter <= leave) & rays->used;
-}
-
-// What prepare() makes of rays, side by side; `valid`: those that can hit anything, as bits.
-typedef struct QueryLanes {
-  float origin[3][PACKET], direction[3][PACKET], tmin[PACKET];
-  float sx[PACKET], sy[PACKET], sz[PACKET];
-  float inverse[3][PACKET], near_offset[3][PACKET], far_offset[3][PACKET];
-  uint kz[PACKET];
-  uint valid;
-} QueryLanes;
-
-// The same arithmetic as prepare().
-static inline void prepare_lanes(const RayLanes* rays, const BvhRoot* scene, QueryLanes* q) {
-  const float16 *o = rays->origin, *d = rays->direction;
-  int16 valid = rays->tmin <= rays->tmax;
-  float16 reach = 0.0f;
-  for (uint axis = 0; axis < 3; ++axis) {
-    valid &= isfinite(o[axis]) & isfinite(d[axis]);
-    reach =
-        max(reach, max(fabs(o[axis]), max(fabs(scene->lo[axis] - o[axis]), fabs(scene->hi[axis] - o[axis]))));
-  }
-  const float16 x = fabs(d[0]), y = fabs(d[1]), z = fabs(d[2]), xy = y > x ? y : x;
-  const int16 is_y = y > x, is_z = z > xy;
-  const float16 longest = is_z ? z : xy;
-  q->valid = lane_bits16(valid & (longest > 0.0f)) & rays->used;
-#define ALONG(first, second, third) (is_z ? (third) : is_y ? (second) : (first))
-  vstore16(ALONG((uint16)(0), (uint16)(1), (uint16)(2)), 0, q->kz);
-  const float16 along = ALONG(d[0], d[1], d[2]);
-  vstore16(ALONG(d[1], d[2], d[0]) / along, 0, q->sx);
-  vstore16(ALONG(d[2], d[0], d[1]) / along, 0, q->sy);
-#undef ALONG
-  vstore16(1.0f / along, 0, q->sz);
-  vstore16(rays->tmin, 0, q->tmin);
-  const float16 margin = 1.2e-6f * reach;  // error_bound()
-  for (uint axis = 0; axis < 3; ++axis) {
-    const float16 inverse =
-        select(copysign(1e18f / longest, d[axis]), 1.0f / d[axis], fabs(d[axis]) > 1e-18f * longest);
-    const float16 outwards = copysign(margin, inverse);
-    vstore16(o[axis], 0, q->origin[axis]);
-    vstore16(d[axis], 0, q->direction[axis]);
-    vstore16(inverse, 0, q->inverse[axis]);
-    vstore16(-(o[axis] + outwards) * inverse, 0, q->near_offset[axis]);
-    vstore16(-(o[axis] - outwards) * inverse, 0, q->far_offset[axis]);
-  }
-}
-
-// Ray i's.
-static inline void query_of(const QueryLanes* lanes, uint i, Query* q) {
-  for (uint axis = 0; axis < 3; ++axis) {
-    q->origin[axis] = lanes->origin[axis][i];
-    q->direction[axis] = lanes->direction[axis][i];
-    q->inverse[axis] = lanes->inverse[axis][i];
-    q->near_offset[axis] = lanes->near_offset[axis][i];
-    q->far_offset[axis] = lanes->far_offset[axis][i];
-    q->near_row[axis] = q->inverse[axis] < 0.0f ? axis + 3 : axis;
-    q->far_row[axis] = q->inverse[axis] < 0.0f ? axis : axis + 3;
-  }
-  q->tmin = lanes->tmin[i];
-  q->kz = lanes->kz[i];
-  q->kx = q->kz == 2 ? 0 : q->kz + 1;
-  q->ky = q->kz == 0 ? 2 : q->kz - 1;
-  q->sx = lanes->sx[i];
-  q->sy = lanes->sy[i];
-  q->sz = lanes->sz[i];
-}
-
-// Rays, prepared; those that can hit anything agree in their longest axis and in all signs.
+// Prepared rays; those that can hit anything agree in their longest axis and in all signs.
 typedef struct Packet {
-  Query rays[PACKET];  // what micro-quads are met by; all of it for those that are `whole`, as bits
+  Query rays[PACKET];  // what micro-quads need; complete for rays in `whole`, as bits
   uint whole;
   uint lanes;   // rays that can hit anything, as bits
   float speed;  // the longest direction's length
   PacketBounds bounds;
-  // By ray; where it can hit nothing tmins is infinite.
+  // By ray; tmins is infinite for a ray that can hit nothing.
   float16 inverses[3], near_offsets[3], far_offsets[3], tmins;
 } Packet;
 
-// The same arithmetic as prepare(). False where the rays do not stay together or can hit nothing.
-static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p) {
+// Rays on their way into a packet. Those that can hit nothing repeat one that can, the first.
+typedef struct Coherent {
+  float16 o[3], d[3], length2;
+  int16 valid;
+  float first_o[3], first_d[3];
+  uint kz;
+  float16 margin;  // error_bound() of each
+} Coherent;
+
+// By the arithmetic of prepare(). False where no ray can hit anything, or they are not coherent.
+static ALWAYS_INLINE bool gather_coherent(const RayLanes* rays, const BvhRoot* scene, Packet* p,
+                                          Coherent* c) {
   float16 o[3], d[3];
   int16 valid = rays->tmin <= rays->tmax;
   for (uint axis = 0; axis < 3; ++axis) {
@@ -160,74 +45,88 @@ static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p
   valid &= (d[0] != 0.0f) | (d[1] != 0.0f) | (d[2] != 0.0f);
   p->lanes = lane_bits16(valid) & rays->used;
   if (p->lanes == 0) return false;
-  const uint one = lowest_bit(p->lanes);
+  const uint first = lowest_bit(p->lanes);
   const int16 bits = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  valid = (((int16)((int)p->lanes) >> bits) & 1) == 1;
-  float first_o[3], first_d[3], extent = 0.0f;
+  c->valid = (((int16)((int)p->lanes) >> bits) & 1) == 1;
+  float extent = 0.0f;
   float16 apart = 0.0f, length2 = 0.0f;
-  int16 together = -1;
-  for (uint axis = 0; axis < 3; ++axis) {  // the others repeat one that is valid
+  for (uint axis = 0; axis < 3; ++axis) {
     float each[2][PACKET];
     vstore16(o[axis], 0, each[0]);
     vstore16(d[axis], 0, each[1]);
-    first_o[axis] = each[0][one];
-    first_d[axis] = each[1][one];
-    o[axis] = select((float16)(first_o[axis]), o[axis], valid);
-    d[axis] = select((float16)(first_d[axis]), d[axis], valid);
+    c->first_o[axis] = each[0][first];
+    c->first_d[axis] = each[1][first];
+    c->o[axis] = select((float16)(c->first_o[axis]), o[axis], c->valid);
+    c->d[axis] = select((float16)(c->first_d[axis]), d[axis], c->valid);
     extent = max(extent, scene->hi[axis] - scene->lo[axis]);
-    const float16 turned = d[axis] - first_d[axis];
-    apart += turned * turned;
-    length2 += d[axis] * d[axis];
+    const float16 difference = c->d[axis] - c->first_d[axis];
+    apart += difference * difference;
+    length2 += c->d[axis] * c->d[axis];
   }
-  const float16 x = fabs(d[0]), y = fabs(d[1]), z = fabs(d[2]);
+  c->length2 = length2;
+  const float* first_d = c->first_d;
   uint kz = 0;
   if (fabs(first_d[1]) > fabs(first_d[0])) kz = 1;
   if (fabs(first_d[2]) > fabs(first_d[kz])) kz = 2;
+  c->kz = kz;
+  const float16 x = fabs(c->d[0]), y = fabs(c->d[1]), z = fabs(c->d[2]);
   const int16 longest_is_kz = kz == 0   ? (x >= y) & (x >= z)
                               : kz == 1 ? (y > x) & (y >= z)
                                         : (z > x) & (z > y);
-  const uint kx = (kz + 1) % 3, ky = (kz + 2) % 3;
-  const float16 longest = fabs(d[kz]);
-  together &= longest_is_kz &
-              (apart <= PACKET_SPREAD * PACKET_SPREAD *
-                            (first_d[0] * first_d[0] + first_d[1] * first_d[1] + first_d[2] * first_d[2]));
+  const float16 longest = fabs(c->d[kz]);
+  int16 coherent =
+      longest_is_kz &
+      (apart <= PACKET_SPREAD * PACKET_SPREAD *
+                    (first_d[0] * first_d[0] + first_d[1] * first_d[1] + first_d[2] * first_d[2]));
   float16 reach = 0.0f;
   for (uint axis = 0; axis < 3; ++axis) {
-    reach = max(reach, max(fabs(scene->lo[axis] - o[axis]), fabs(scene->hi[axis] - o[axis])));
-    reach = max(reach, fabs(o[axis]));
-    together &= (fabs(d[axis]) > 1e-18f * longest) &
-                ((d[axis] < 0.0f) == (int16)(first_d[axis] < 0.0f ? -1 : 0)) &
-                (fabs(first_o[axis] - o[axis]) <= PACKET_ORIGINS * extent);
+    const float16 origin = c->o[axis], direction = c->d[axis];
+    reach = max(reach, max(fabs(scene->lo[axis] - origin), fabs(scene->hi[axis] - origin)));
+    reach = max(reach, fabs(origin));
+    coherent &= (fabs(direction) > 1e-18f * longest) &
+                ((direction < 0.0f) == (int16)(first_d[axis] < 0.0f ? -1 : 0)) &
+                (fabs(c->first_o[axis] - origin) <= PACKET_ORIGINS * extent);
   }
-  if (lane_bits16(together) != 0xffffu) return false;
-  const float16 margin = 1.2e-6f * reach;  // error_bound()
-  for (uint axis = 0; axis < 3; ++axis) {
-    const float16 inverse = 1.0f / d[axis], outwards = copysign(margin, inverse),
-                  from_first = first_o[axis] - o[axis];
-    p->inverses[axis] = inverse;
-    p->near_offsets[axis] = -(o[axis] + outwards) * inverse;
-    p->far_offsets[axis] = -(o[axis] - outwards) * inverse;
-    const bool back = first_d[axis] < 0.0f;
-    p->bounds.near_row[axis] = back ? axis + 3 : axis;
-    p->bounds.far_row[axis] = back ? axis : axis + 3;
-    p->bounds.inverse[axis][0] = -greatest(-inverse);
-    p->bounds.inverse[axis][1] = greatest(inverse);
-    // From the first ray's origin, twice as far beside as each alone, as these are rounded more often.
-    const float near = -greatest(-((from_first - 2.0f * outwards) * inverse)),
-                far = greatest((from_first + 2.0f * outwards) * inverse);
-    for (uint k = 0; k < 2; ++k) {
-      p->bounds.near_offset[axis][k] = near - first_o[axis] * p->bounds.inverse[axis][k];
-      p->bounds.far_offset[axis][k] = far - first_o[axis] * p->bounds.inverse[axis][k];
-    }
+  c->margin = 1.2e-6f * reach;  // error_bound()
+  return lane_bits16(coherent) == 0xffffu;
+}
+
+// Planes' t along one axis: each ray's, and the interval over all of them.
+static ALWAYS_INLINE void set_slab(const Coherent* c, uint axis, Packet* p) {
+  const float16 o = c->o[axis], inverse = 1.0f / c->d[axis], outwards = copysign(c->margin, inverse);
+  const float first_o = c->first_o[axis];
+  const float16 from_first = first_o - o;
+  p->inverses[axis] = inverse;
+  p->near_offsets[axis] = -(o + outwards) * inverse;
+  p->far_offsets[axis] = -(o - outwards) * inverse;
+  const bool back = c->first_d[axis] < 0.0f;
+  p->bounds.near_row[axis] = back ? axis + 3 : axis;
+  p->bounds.far_row[axis] = back ? axis : axis + 3;
+  p->bounds.inverse[axis][0] = -greatest(-inverse);
+  p->bounds.inverse[axis][1] = greatest(inverse);
+  // From the first ray's origin, with twice the margin of a single ray, as these are rounded more often.
+  const float near = -greatest(-((from_first - 2.0f * outwards) * inverse)),
+              far = greatest((from_first + 2.0f * outwards) * inverse);
+  for (uint k = 0; k < 2; ++k) {
+    p->bounds.near_offset[axis][k] = near - first_o * p->bounds.inverse[axis][k];
+    p->bounds.far_offset[axis][k] = far - first_o * p->bounds.inverse[axis][k];
   }
-  p->tmins = select((float16)(INFINITY), rays->tmin, valid);
+}
+
+// By the arithmetic of prepare(). False where the rays are not coherent or can hit nothing.
+static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p) {
+  Coherent c;
+  if (!gather_coherent(rays, scene, p, &c)) return false;
+  for (uint axis = 0; axis < 3; ++axis) set_slab(&c, axis, p);
+  p->tmins = select((float16)(INFINITY), rays->tmin, c.valid);
   p->bounds.tmin = -greatest(-p->tmins);
-  p->speed = sqrt(greatest(length2));
+  p->speed = sqrt(greatest(c.length2));
+  const uint kz = c.kz, kx = (kz + 1) % 3, ky = (kz + 2) % 3;
   float words[7][PACKET];
-  for (uint axis = 0; axis < 3; ++axis) vstore16(o[axis], 0, words[axis]);
-  vstore16(d[kx] / d[kz], 0, words[3]);
-  vstore16(d[ky] / d[kz], 0, words[4]);
-  vstore16(1.0f / d[kz], 0, words[5]);
+  for (uint axis = 0; axis < 3; ++axis) vstore16(c.o[axis], 0, words[axis]);
+  vstore16(c.d[kx] / c.d[kz], 0, words[3]);
+  vstore16(c.d[ky] / c.d[kz], 0, words[4]);
+  vstore16(1.0f / c.d[kz], 0, words[5]);
   vstore16(rays->tmin, 0, words[6]);
   for (uint i = 0; i < PACKET; ++i) {
     Query* q = p->rays + i;
@@ -244,7 +143,7 @@ static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p
   return true;
 }
 
-// A packet's planes in quanta of a patch's box, as in PatchRay.
+// A packet's planes in quanta of a patch's box: see PatchRay.
 typedef struct PatchPacket {
   float scale[3][2], near[3][2], far[3][2];
   float16 scales[3], nears[3], fars[3];
@@ -264,7 +163,7 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
   }
 }
 
-// Rays that meet the patch's box up to `limits`, as bits.
+// Rays that intersect the patch's box before `limits`, as bits.
 static inline uint intersect_patch_box(const Packet* p, const PatchPacket* r, const float* limits) {
   float16 enter = p->tmins, leave = vload16(0, limits);
   for (uint axis = 0; axis < 3; ++axis) {
@@ -275,7 +174,7 @@ static inline uint intersect_patch_box(const Packet* p, const PatchPacket* r, co
   return lane_bits16(enter <= leave);
 }
 
-// As intersect_children_packet(); `left`: when all rays have left them.
+// intersect_children_packet() for 16 boxes in quanta; `left`: where the last ray leaves them.
 static inline uint intersect_planes_packet(__global const ushort (*planes)[PATCH_WIDTH], const Packet* p,
                                            const PatchPacket* r, float limit, float16* entry, float16* left) {
 #define LOAD(row) convert_float16(vload16(0, planes[row]))
@@ -287,8 +186,8 @@ static inline uint intersect_planes_packet(__global const ushort (*planes)[PATCH
   return lane_bits16(enter <= leave);
 }
 
-// The finest level's micro-quads in block `at`, which has no boxes: the one around them all is its parent's.
-// Returns how many were met.
+// The finest level's micro-quads in block `at`. The block has no boxes: the rays are tested against its
+// parent node's. Returns how many ray and micro-quad tests were made.
 static inline uint intersect_leaves_packet(const PatchTree* tree, uint at, const Packet* p,
                                            const PatchPacket* r, float* limits, PatchFound* found) {
   const uint parent = at - 1 + PATCH_FIRST_LANE, b = at - block_count(tree->level);
@@ -300,19 +199,19 @@ static inline uint intersect_leaves_packet(const PatchTree* tree, uint at, const
     enter = max(enter, mad((float16)(from), r->scales[axis], r->nears[axis]));
     leave = min(leave, mad((float16)(to), r->scales[axis], r->fars[axis]));
   }
-  uint rays = lane_bits16(enter <= leave), met = 0;
+  uint rays = lane_bits16(enter <= leave), tested = 0;
   if (rays == 0) return 0;
   Grid16 grid;
   load_grid(tree, b, p->rays, &grid);
   for (; rays != 0; rays &= rays - 1) {
     const uint i = lowest_bit(rays);
-    met += intersect_grid(tree, b, &grid, p->rays + i, 0, found + i);
+    tested += intersect_grid(tree, b, &grid, p->rays + i, 0, found + i);
     limits[i] = found[i].t;
   }
-  return met;
+  return tested;
 }
 
-// As traverse_patch(), nearest hits, all rays down to the micro-quads of a patch of level 2 or more.
+// traverse_patch() for a packet: nearest hits, all rays down to the micro-quads, patches of level 2 or more.
 // `limits`: found[].t of rays that can hit anything, else -infinity.
 static uint traverse_patch_packet(const PatchTree* tree, __global const Patch* patch, const Packet* p,
                                   const PatchPacket* r, uint parts, float16 parts_entry, float* limits,
@@ -326,16 +225,16 @@ static uint traverse_patch_packet(const PatchTree* tree, __global const Patch* p
     const uint at = current & 0xffffff, at_level = current >> 24 & 15, quarters = current >> 28;
     uint next = 0;
     if (at_level == tree->level) {
-      const uint met = intersect_leaves_packet(tree, at, p, r, limits, found);
-      visited += met;
-      if (met > 0) limit = greatest(vload16(0, limits));
+      const uint tested = intersect_leaves_packet(tree, at, p, r, limits, found);
+      visited += tested;
+      if (tested > 0) limit = greatest(vload16(0, limits));
     } else {
       float16 entry, left;
       uint mask = intersect_planes_packet(tree->blocks[at].planes, p, r, limit, &entry, &left);
       if (quarters != 0) mask &= four_times(quarters);
       if (mask != 0) {
         const uint first = PATCH_WIDTH * at - PATCH_FIRST_LANE;  // lane 0's node
-        ask_for(tree->blocks, first + 1, mask);
+        prefetch_blocks(tree->blocks, first + 1, mask);
         next = take_children(0, VISIT(first + 1, at_level + 2, 0u), mask, entry, stack, stack_t, &depth);
       }
     }

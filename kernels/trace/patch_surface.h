@@ -3,14 +3,14 @@
 #define RBVH_PATCH_SURFACE_H
 #include "kernels/common/patch_layout.h"
 
-// Bit for bit what pipeline/proxy/tessellate.cpp computes; and on a border what the neighbour computes.
+// Vertices are bitwise those of pipeline/proxy/tessellate.cpp and, on a border, those of the neighbour.
 #pragma OPENCL FP_CONTRACT OFF
 
 // The first node of a level; also the number of nodes above it.
 static inline uint first_node(uint level) { return ((1u << 2 * level) - 1) / 3; }
 
-// Blocks of a hierarchy of so many levels. WIDE: the finest level from 2 on has no boxes, as its micro-quads
-// are met 16 at a time; in their place are the grids of their vertices.
+// Blocks of a hierarchy of that level. WIDE: from level 2 on the finest level has no boxes but the grids of
+// its micro-quads' vertices, which a ray intersects 16 at a time.
 static inline uint block_count(uint level) {
 #ifdef WIDE
   if (level >= 2) --level;
@@ -62,8 +62,8 @@ static inline uint spread_bits(uint i) {
 
 static inline uint morton_of(uint i, uint j) { return spread_bits(i) | spread_bits(j) << 1; }
 
-// Where along a border of 2^edge micro-quads the i-th of 2^level + 1 vertices goes: to one of the border's
-// own. Vertices that fall together leave triangles without area, never a gap.
+// Snaps the i-th of 2^level + 1 vertices to one of a border of 2^edge micro-quads. Vertices that coincide
+// leave triangles without area, never a gap.
 static inline uint snapped(uint i, uint level, uint edge) {
   const uint step = 1u << (level - edge);
   return (i + step / 2) & ~(step - 1);

@@ -1,9 +1,11 @@
 // The two kinds of error: Error for bad input, device or environment (thrown where the fact is known, caught
-// once in main), and RBVH_CHECK for a bug of our own.
+// once by the caller), and RBVH_CHECK for a bug of our own.
 #pragma once
 
+#include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace rbvh {
 
@@ -16,16 +18,46 @@ enum class ErrorKind {
   kDevice,   ///< no usable OpenCL device
 };
 
-/// One line: what is wrong, where (byte, line, element), what to do. `file` may be empty. The stage's name is
-/// put in front by main.
+/// What would help, where that is a setting: callers name it in their own words.
+enum class Remedy {
+  kNone,               ///< nothing, or the message says it
+  kOverwrite,          ///< allow the output to be replaced
+  kMemoryBudget,       ///< allow more memory
+  kViewUp,             ///< another direction for what is up in the picture
+  kPatchCount,         ///< allow more patches, or leave small components out
+  kDisplacementScale,  ///< check the displacement map's scale and midlevel
+  kDisplacementZero,   ///< say which value of the displacement map means none
+  kPatchSide,          ///< allow fewer texels a side of a patch
+  kImportProxy,        ///< import the displacement map with its own conventions
+};
+
+/// Where in the file: "line" 12. Lines and elements are numbered as the message's readers number them, bytes
+/// from 0.
+struct FilePlace {
+  std::string_view unit;  ///< "byte", "line" or an element such as "face"; static; empty: nowhere known
+  std::uint64_t number = 0;
+};
+
+/// what() is one line: file, place, what is wrong, what to do. Whoever prints it puts the stage in front and
+/// the remedy's words behind.
 class Error : public std::runtime_error {
  public:
-  Error(ErrorKind kind, const std::string& file, const std::string& what)
-      : std::runtime_error(file.empty() ? what : file + ": " + what), kind_(kind) {}
+  /// `file` may be empty.
+  Error(ErrorKind kind, const std::string& file, const std::string& message, Remedy remedy = Remedy::kNone)
+      : Error(kind, file, FilePlace{}, message, remedy) {}
+  Error(ErrorKind kind, const std::string& file, FilePlace place, const std::string& message,
+        Remedy remedy = Remedy::kNone);
   ErrorKind kind() const { return kind_; }
+  Remedy remedy() const { return remedy_; }
+  FilePlace place() const { return place_; }
+  const std::string& file() const { return file_; }
+  const std::string& message() const { return message_; }  ///< without file and place
 
  private:
   ErrorKind kind_;
+  Remedy remedy_;
+  FilePlace place_;
+  std::string file_, message_;
 };
 
 [[noreturn]] void check_failed(const char* expression, const char* file, int line);

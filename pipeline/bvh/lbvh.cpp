@@ -1,8 +1,6 @@
 #include "pipeline/bvh/lbvh.h"
 
-#include <chrono>
-#include <utility>
-
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/bvh/linked_bvh.h"
 
 namespace rbvh {
@@ -30,14 +28,10 @@ std::vector<LinkedNode> make_nodes(const Device& device, const MortonOrder& orde
 
 Bvh build_lbvh(const Device& device, std::span<const Bounds3f> boxes, const BvhConfig& config,
                MortonBits bits, LbvhTimings* timings) {
-  auto last = std::chrono::steady_clock::now();
-  const auto lap = [&last] {
-    const auto now = std::chrono::steady_clock::now();
-    return std::chrono::duration<double>(now - std::exchange(last, now)).count();
-  };
+  Stopwatch watch;
   LbvhTimings times;
   MortonOrder order = morton_order(device, boxes, bits);
-  times.order = lap();
+  times.order = watch.lap();
   times.sort = order.sort_seconds;
   Bvh bvh;
   if (order.count == 1) {
@@ -48,9 +42,9 @@ Bvh build_lbvh(const Device& device, std::span<const Bounds3f> boxes, const BvhC
     const std::vector<LinkedNode> nodes = bits == MortonBits::k63 ? make_nodes(device, order, order.codes63)
                                                                   : make_nodes(device, order, order.codes30);
     order = {};
-    times.nodes = lap();
+    times.nodes = watch.lap();
     bvh = order_linked_bvh(nodes, 0, boxes, config);
-    times.link = lap();
+    times.link = watch.lap();
   }
   if (timings != nullptr) *timings = times;
   return bvh;

@@ -1,9 +1,9 @@
 #include "pipeline/bvh/morton_order.h"
 
-#include <chrono>
 #include <string>
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/bvh/bvh.h"
 #include "pipeline/device/radix_sort.h"
 
@@ -35,10 +35,10 @@ void sort_codes(const Device& device, MortonOrder& order, const Bounds3f& center
            Float4{centers.lo.x, centers.lo.y, centers.lo.z, 0}, Float4{scale(e.x), scale(e.y), scale(e.z), 0},
            kCells - 1, codes);
   device.finish();
-  const auto start = std::chrono::steady_clock::now();
+  Stopwatch watch;
   radix_sort(device, codes, order.indices, order.count, kLong ? 63 : 30);
   device.finish();
-  order.sort_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  order.sort_seconds = watch.lap();
 }
 
 }  // namespace

@@ -1,11 +1,6 @@
 #include "pipeline/device/device.h"
 
-#define CL_HPP_ENABLE_EXCEPTIONS
-#include <CL/opencl.hpp>
-#include <algorithm>
 #include <atomic>
-#include <cctype>
-#include <charconv>
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
@@ -16,7 +11,10 @@
 #include <thread>
 
 #include "pipeline/base/error.h"
-#include "pipeline/base/parallel_for.h"
+#include "pipeline/device/check_loops.h"
+#include "pipeline/device/cl.h"
+#include "pipeline/device/cl_error.h"
+#include "pipeline/device/find_devices.h"
 #include "pipeline/device/kernel_source.h"
 
 namespace rbvh {
@@ -52,79 +50,21 @@ struct KernelState {
 }  // namespace device_detail
 
 using device_detail::BufferState;
+using device_detail::cl_error_name;
 using device_detail::DeviceState;
+using device_detail::FoundDevice;
+using device_detail::guarded;
 using device_detail::KernelState;
+using device_detail::throw_cl;
 
 namespace {
 
 // --- errors
-// ---------------------------------------------------------------------------------------------------------
-
-const char* cl_error_name(cl_int code) {
-  switch (code) {
-#define NAME(x) \
-  case x:       \
-    return #x;
-    NAME(CL_DEVICE_NOT_FOUND)
-    NAME(CL_DEVICE_NOT_AVAILABLE)
-    NAME(CL_COMPILER_NOT_AVAILABLE)
-    NAME(CL_MEM_OBJECT_ALLOCATION_FAILURE)
-    NAME(CL_OUT_OF_RESOURCES)
-    NAME(CL_OUT_OF_HOST_MEMORY)
-    NAME(CL_MEM_COPY_OVERLAP)
-    NAME(CL_BUILD_PROGRAM_FAILURE)
-    NAME(CL_MAP_FAILURE)
-    NAME(CL_EXEC_STATUS_ERROR_FOR_EVENTS_IN_WAIT_LIST)
-    NAME(CL_INVALID_VALUE)
-    NAME(CL_INVALID_DEVICE)
-    NAME(CL_INVALID_CONTEXT)
-    NAME(CL_INVALID_COMMAND_QUEUE)
-    NAME(CL_INVALID_MEM_OBJECT)
-    NAME(CL_INVALID_BUILD_OPTIONS)
-    NAME(CL_INVALID_PROGRAM)
-    NAME(CL_INVALID_PROGRAM_EXECUTABLE)
-    NAME(CL_INVALID_KERNEL_NAME)
-    NAME(CL_INVALID_KERNEL)
-    NAME(CL_INVALID_ARG_INDEX)
-    NAME(CL_INVALID_ARG_VALUE)
-    NAME(CL_INVALID_ARG_SIZE)
-    NAME(CL_INVALID_KERNEL_ARGS)
-    NAME(CL_INVALID_WORK_GROUP_SIZE)
-    NAME(CL_INVALID_WORK_ITEM_SIZE)
-    NAME(CL_INVALID_OPERATION)
-    NAME(CL_INVALID_BUFFER_SIZE)
-    NAME(CL_INVALID_GLOBAL_WORK_SIZE)
-#undef NAME
-    default:
-      return "OpenCL error";
-  }
-}
 
 std::string in_words(std::uint64_t bytes) {
   char text[32];
   std::snprintf(text, sizeof text, "%.1f MB", static_cast<double>(bytes) / 1e6);
   return text;
-}
-
-/// `what`: the kernel or buffer concerned. Memory that is not there is over budget, anything else a device
-/// failure.
-[[noreturn]] void throw_cl(const DeviceInfo& device, const std::string& what, const cl::Error& error) {
-  const cl_int code = error.err();
-  const bool memory = code == CL_MEM_OBJECT_ALLOCATION_FAILURE || code == CL_OUT_OF_HOST_MEMORY ||
-                      code == CL_INVALID_BUFFER_SIZE;
-  throw Error(memory ? ErrorKind::kBudget : ErrorKind::kDevice, {},
-              what + ": " + error.what() + ": " + cl_error_name(code) + " (" + std::to_string(code) +
-                  ") on " + device.name +
-                  (memory ? "; take a smaller scan, a coarser level or a device with more memory" : ""));
-}
-
-template <class Call>
-decltype(auto) guarded(const DeviceInfo& device, const std::string& what, Call&& call) {
-  try {
-    return call();
-  } catch (const cl::Error& error) {
-    throw_cl(device, what, error);
-  }
 }
 
 /// The log's lines joined into one and cut: an error is one line.
@@ -144,7 +84,6 @@ std::string one_line(std::string_view log) {
 }
 
 // --- notices
-// --------------------------------------------------------------------------------------------------------
 
 std::mutex g_hook_mutex;
 std::function<void(std::string_view)> g_compile_notice = [](std::string_view line) {
@@ -179,7 +118,6 @@ class CompileNotice {
 };
 
 // --- bounds
-// --------------------------------------------------------------------------------------------------------
 
 bool wants_bounds_checked() {
   if (const char* wish = std::getenv("RBVH_CHECK_BOUNDS"); wish != nullptr && *wish != '\0')
@@ -227,98 +165,7 @@ void throw_if_out_of_bounds(const KernelState& state, BoundsRecord& record) {
                   std::to_string(words[1]) + " of " + std::to_string(words[2]) + "; please report this");
 }
 
-// --- devices
-// --------------------------------------------------------------------------------------------------------
-
-struct Found {
-  DeviceInfo info;
-  cl::Device device;
-};
-
-std::string trimmed(const std::string& text) {
-  const std::size_t from = text.find_first_not_of(" \t\n");
-  const std::size_t to = text.find_last_not_of(std::string_view(" \t\n\0", 4));
-  return from == std::string::npos ? std::string() : text.substr(from, to - from + 1);
-}
-
-DeviceInfo describe(const cl::Platform& platform, const cl::Device& device) {
-  DeviceInfo info;
-  info.platform = trimmed(platform.getInfo<CL_PLATFORM_NAME>());
-  info.name = trimmed(device.getInfo<CL_DEVICE_NAME>());
-  info.version = trimmed(device.getInfo<CL_DEVICE_VERSION>());
-  info.driver = trimmed(device.getInfo<CL_DRIVER_VERSION>());
-  const cl_device_type type = device.getInfo<CL_DEVICE_TYPE>();
-  info.is_cpu = (type & CL_DEVICE_TYPE_CPU) != 0;
-  info.is_gpu = (type & CL_DEVICE_TYPE_GPU) != 0;
-  info.memory_bytes = device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
-  info.max_buffer_bytes = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
-  info.compute_units = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
-  const std::string extensions = device.getInfo<CL_DEVICE_EXTENSIONS>();
-  info.has_int64_atomics = extensions.find("cl_khr_int64_base_atomics") != std::string::npos &&
-                           extensions.find("cl_khr_int64_extended_atomics") != std::string::npos;
-  return info;
-}
-
-std::vector<Found> find_devices() {
-  static std::once_flag pocl_threads;
-  std::call_once(pocl_threads, [] {
-    const std::string threads = std::to_string(thread_count());
-    setenv("POCL_MAX_PTHREAD_COUNT", threads.c_str(), 0);  // up to PoCL 4
-    setenv("POCL_CPU_MAX_CU_COUNT", threads.c_str(), 0);
-  });
-  std::vector<Found> found;
-  std::vector<cl::Platform> platforms;
-  try {
-    cl::Platform::get(&platforms);
-  } catch (const cl::Error&) {
-    return found;  // no ICD: the loader calls that an error
-  }
-  for (const cl::Platform& platform : platforms) {
-    try {
-      std::vector<cl::Device> devices;
-      platform.getDevices(CL_DEVICE_TYPE_ALL, &devices);
-      for (const cl::Device& device : devices) {
-        if (!device.getInfo<CL_DEVICE_AVAILABLE>() || !device.getInfo<CL_DEVICE_COMPILER_AVAILABLE>())
-          continue;
-        found.push_back({describe(platform, device), device});
-        found.back().info.index = static_cast<int>(found.size()) - 1;
-      }
-    } catch (const cl::Error&) {
-      continue;  // a platform without devices
-    }
-  }
-  return found;
-}
-
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
-
-const Found* choose(const std::vector<Found>& devices, const std::string& choice) {
-  const auto first = [&](auto&& fits) -> const Found* {
-    const auto at = std::find_if(devices.begin(), devices.end(), fits);
-    return at == devices.end() ? nullptr : &*at;
-  };
-  const auto is_cpu = [](const Found& d) { return d.info.is_cpu; };
-  if (choice.empty()) {
-    const Found* cpu = first(is_cpu);
-    return cpu != nullptr || devices.empty() ? cpu : &devices.front();
-  }
-  if (lower(choice) == "cpu") return first(is_cpu);
-  if (lower(choice) == "gpu") return first([](const Found& d) { return d.info.is_gpu; });
-  int index = 0;
-  const char* end = choice.data() + choice.size();
-  if (const auto [at, error] = std::from_chars(choice.data(), end, index);
-      error == std::errc() && at == end) {
-    return first([&](const Found& d) { return d.info.index == index; });
-  }
-  return first([&](const Found& d) { return lower(d.info.name).find(lower(choice)) != std::string::npos; });
-}
-
 // --- programs
-// -------------------------------------------------------------------------------------------------------
 
 cl::Program build_program(DeviceState& state, const std::string& file, const std::string& options) {
   const std::string source = kernel_source(file);
@@ -345,12 +192,6 @@ cl::Program build_program(DeviceState& state, const std::string& file, const std
 
 }  // namespace
 
-std::vector<DeviceInfo> list_devices() {
-  std::vector<DeviceInfo> infos;
-  for (const Found& found : find_devices()) infos.push_back(found.info);
-  return infos;
-}
-
 void set_compile_notice(std::function<void(std::string_view)> notice) {
   const std::lock_guard lock(g_hook_mutex);
   g_compile_notice = std::move(notice);
@@ -363,13 +204,12 @@ void set_build_log_sink(std::function<void(std::string_view, std::string_view)> 
 }
 
 // --- Device
-// ---------------------------------------------------------------------------------------------------------
 
 Device Device::open(const std::string& choice) {
   const char* environment = std::getenv("RBVH_DEVICE");
   const std::string wanted = !choice.empty() || environment == nullptr ? choice : environment;
-  const std::vector<Found> devices = find_devices();
-  const Found* found = choose(devices, wanted);
+  const std::vector<FoundDevice> devices = device_detail::find_devices();
+  const FoundDevice* found = choose_device(devices, wanted);
   if (found == nullptr) {
     if (devices.empty()) {
       throw Error(ErrorKind::kDevice, {},
@@ -377,7 +217,7 @@ Device Device::open(const std::string& choice) {
                   "and see that its cache (POCL_CACHE_DIR, else ~/.cache) can be written");
     }
     std::string names;
-    for (const Found& d : devices)
+    for (const FoundDevice& d : devices)
       names += (names.empty() ? "" : ", ") + std::to_string(d.info.index) + " " + d.info.name;
     throw Error(ErrorKind::kDevice, {}, "no usable OpenCL device fits '" + wanted + "'; there are: " + names);
   }
@@ -391,6 +231,7 @@ Device Device::open(const std::string& choice) {
     state.context = cl::Context(state.device);
     state.queue = cl::CommandQueue(state.context, state.device);
   });
+  device_detail::check_loops(device);
   return device;
 }
 
@@ -436,7 +277,6 @@ Device::MemoryUse Device::memory_use() const { return {state_->memory, state_->m
 void Device::set_memory_limit(std::uint64_t bytes) const { state_->memory_limit = bytes; }
 
 // --- Kernel
-// ---------------------------------------------------------------------------------------------------------
 
 void Kernel::run_arguments(std::size_t global, std::size_t local,
                            std::span<const device_detail::Argument> arguments) const {
@@ -489,7 +329,6 @@ void Kernel::run_arguments(std::size_t global, std::size_t local,
 }
 
 // --- Buffer
-// ---------------------------------------------------------------------------------------------------------
 
 std::shared_ptr<BufferState> Device::allocate(std::size_t bytes) const {
   DeviceState& device = *state_;
@@ -504,7 +343,8 @@ std::shared_ptr<BufferState> Device::allocate(std::size_t bytes) const {
   if (limit > 0 && device.memory + allocated > limit) {
     throw Error(ErrorKind::kBudget, {},
                 what + " beside " + in_words(device.memory) + " in use is over the memory budget of " +
-                    in_words(limit) + "; raise it or take a smaller scan");
+                    in_words(limit),
+                Remedy::kMemoryBudget);
   }
   cl::Buffer buffer =
       guarded(device.info, what, [&] { return cl::Buffer(device.context, CL_MEM_READ_WRITE, allocated); });

@@ -87,7 +87,7 @@ class Device {
  public:
   /// `choice`: empty (RBVH_DEVICE from the environment, else the first CPU, else the first device), "cpu",
   /// "gpu", an index of list_devices(), or part of a name (case-insensitive). Throws Error(kDevice) where
-  /// none fits.
+  /// none fits, or where its loops end early.
   static Device open(const std::string& choice = {});
 
   const DeviceInfo& info() const;
@@ -140,6 +140,7 @@ class Buffer {
   Buffer(const Device& device, const std::vector<T>& values) : Buffer(device, std::span<const T>(values)) {}
 
   std::size_t size() const { return count_; }
+  std::size_t size_bytes() const { return count_ * sizeof(T); }
   void write(std::span<const T> values, std::size_t at = 0) {
     Device::write_bytes(state_.get(), at * sizeof(T), values.data(), values.size_bytes(), true);
   }

@@ -233,15 +233,4 @@ DistanceStatistics sampled_distance(const TriangleSoup& from, const ClosestPoint
   return statistics;
 }
 
-double texel_side(const Level& level) {
-  double sides = 0, texels = 0;
-  for (const RbvhLeaf& leaf : level.leaves) {
-    const TileFrame frame(leaf);
-    const double count = static_cast<double>(leaf.width) * leaf.height;
-    sides += count * (length(frame.u) + length(frame.v)) / 2;
-    texels += count;
-  }
-  return texels > 0 ? sides / texels : 0;
-}
-
 }  // namespace rbvh

@@ -58,7 +58,4 @@ struct DistanceStatistics {
 /// From points spread evenly over `from` (by area, the same ones every time) to the surface `to`.
 DistanceStatistics sampled_distance(const TriangleSoup& from, const ClosestPoint& to, std::size_t samples);
 
-/// The level's mean texel side in scan units.
-double texel_side(const Level& level);
-
 }  // namespace rbvh

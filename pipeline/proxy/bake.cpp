@@ -1,15 +1,15 @@
-// Decimate, pair triangles to quads, walk each texel back through the decimation to its point on the scan.
+// Decimate, pair triangles to quads, trace each texel back through the decimation to its point on the scan.
 #include "pipeline/proxy/bake.h"
 
 #include <algorithm>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <mutex>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/proxy/decimate.h"
 #include "pipeline/proxy/join_edges.h"
 #include "pipeline/proxy/pack_map.h"
@@ -69,18 +69,6 @@ struct Quads {
   }
 };
 
-class Lap {
- public:
-  double operator()() {
-    const auto before = last_;
-    last_ = std::chrono::steady_clock::now();
-    return std::chrono::duration<double>(last_ - before).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
 std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& file,
                                      const BakeConfig& config, double diagonal, BaseMesh& base,
                                      BakeReport& counts, const Progress& progress) {
@@ -89,13 +77,13 @@ std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& 
   std::vector<TrianglePair> pairs;
   std::uint64_t target = 2 * config.max_patches;
   for (int tries = 0;; ++tries) {
-    Lap lap;
+    Stopwatch watch;
     decimation.run(target, error, progress);
-    counts.decimate_seconds += lap();
+    counts.decimate_seconds += watch.lap();
     base = decimation.base();
     report(progress, "pairing triangles", 0);
     pairs = pair_triangles(base, counts.alone_triangles);
-    counts.pair_seconds += lap();
+    counts.pair_seconds += watch.lap();
     if (config.max_patches == 0 || pairs.size() <= config.max_patches) return pairs;
     // Triangles that stand alone cost a patch each.
     const std::uint64_t excess = 2 * (pairs.size() - config.max_patches);
@@ -104,8 +92,8 @@ std::vector<TrianglePair> make_pairs(Decimation& decimation, const std::string& 
       throw Error(ErrorKind::kBudget, file,
                   "cannot have fewer than " + std::to_string(pairs.size()) + " patches, as it has " +
                       std::to_string(counts.mesh.components) + " parts" +
-                      (config.max_error > 0 ? " and an error bound" : "") +
-                      "; allow more, or leave small parts out (--patches, --min-component)");
+                      (config.max_error > 0 ? " and an error bound" : ""),
+                  Remedy::kPatchCount);
     target -= excess;
   }
 }
@@ -323,13 +311,13 @@ Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& co
     throw Error(ErrorKind::kInput, file, "is a point cloud, and a proxy needs a surface; mesh it first");
   counts = {};
   counts.triangles_in = scan.triangles.size();
-  Lap lap;
+  Stopwatch watch;
   report(progress, "joining triangles", 0);
   const Manifold mesh = make_manifold(scan, config.min_component, counts.mesh);
   if (mesh.triangles.empty()) throw Error(ErrorKind::kInput, file, "has no triangle with three corners");
   const double diagonal = diagonal_of(mesh);
   Decimation decimation(mesh, file);
-  counts.join_seconds = lap();
+  counts.join_seconds = watch.lap();
   BaseMesh base;
   std::vector<TrianglePair> pairs = make_pairs(decimation, file, config, diagonal, base, counts, progress);
   const SelfMap map = decimation.finish();
@@ -341,9 +329,9 @@ Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& co
   Proxy proxy;
   make_base(quads, proxy);
   const double allowed = config.detail * diagonal;
-  lap();
+  watch.lap();
   const std::vector<Grid> grids = make_grids(quads, config, allowed, counts, progress);
-  counts.sample_seconds = lap();
+  counts.sample_seconds = watch.lap();
   measure_distortion(grids, counts);
   for (const Grid& grid : grids) proxy.tiles.push_back({0, 0, grid.side, 0});
   pack_map(proxy);

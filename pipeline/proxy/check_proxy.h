@@ -1,4 +1,4 @@
-// The promises that whoever traces a proxy relies on, checked: a proxy may come from a file that means harm.
+// Checks what tracing a proxy relies on: a proxy may come from a hostile file.
 #pragma once
 
 #include <cstddef>

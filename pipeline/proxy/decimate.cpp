@@ -32,7 +32,7 @@ Vec3d vec(const OmPoint& p) { return {p[0], p[1], p[2]}; }
 
 // Flat areas have no error at all: there, triangles that keep near to their place come out well shaped.
 constexpr double kPlaceWeight = 0.05;
-// A rim keeps its shape by planes through it, upright on the surface.
+// Boundary edges keep their shape by planes through them, perpendicular to the surface.
 constexpr double kBoundaryWeight = 4;
 
 /// What a step must leave in order. Later rounds are less strict, so that the target is reached.
@@ -69,8 +69,8 @@ struct Waiting {
 }  // namespace
 
 // OpenMesh's own decimater looks at the legality of every step around a vertex whenever a neighbour changes;
-// here errors alone are kept up to date, and legality is looked at when a step's turn has come: four times as
-// fast.
+// here errors alone are kept up to date, and legality is tested when a step is about to be taken: four times
+// as fast.
 struct Decimation::State {
   Mesh mesh;
   SelfMap map;
@@ -184,7 +184,7 @@ struct Decimation::State {
                               strictness.least_flat);
   }
 
-  /// The neighbours of v0, counter-clockwise: from v1, or on the rim from one end to the other.
+  /// The neighbours of v0, counter-clockwise: from v1, or on the boundary from one end to the other.
   void gather_ring(const CollapseInfo& step) {
     ring.clear();
     ring_vertices.clear();
@@ -274,8 +274,7 @@ Decimation::Decimation(const Manifold& mesh, const std::string& file)
     const Face f = s.mesh.add_face(Vertex(static_cast<int>(t[0])), Vertex(static_cast<int>(t[1])),
                                    Vertex(static_cast<int>(t[2])));
     if (!f.is_valid())
-      throw Error(ErrorKind::kInput, file,
-                  "has triangles that meet in a way no surface does; clean the mesh first");
+      throw Error(ErrorKind::kInput, file, "has triangles that do not form a surface; clean the mesh first");
     s.version.push_back(static_cast<std::uint32_t>(f.idx()));
     s.first_vertex.push_back(t[0]);
   }

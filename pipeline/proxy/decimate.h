@@ -1,6 +1,6 @@
-// Fewer and fewer triangles by quadric error (Garland and Heckbert, "Surface Simplification Using Quadric
-// Error Metrics", SIGGRAPH 1997; OpenMesh's quadrics and half-edges), each step kept as a map, so that every
-// point of the result has its point on the original.
+// Decimation by quadric error (Garland and Heckbert, "Surface Simplification Using Quadric
+// Error Metrics", SIGGRAPH 1997; OpenMesh's quadrics and half-edges). Each step is recorded as a map, so that
+// every point of the result has its point on the original.
 #pragma once
 
 #include <limits>
@@ -12,7 +12,7 @@
 
 namespace rbvh {
 
-/// What is left of a mesh.
+/// A decimated mesh.
 struct BaseMesh {
   std::vector<Vec3f> positions;  ///< a subset of the original's
   std::vector<Triangle> triangles;
@@ -29,14 +29,14 @@ class Decimation {
   Decimation(const Decimation&) = delete;
   Decimation& operator=(const Decimation&) = delete;
 
-  /// Goes on until at most `triangles` are left, or until each further step would move the surface by more
-  /// than `max_error` scan units (root mean square over what a vertex stands for), or until nothing can go
-  /// any more. Shape and orientation of triangles are kept as long as that leaves steps to take.
+  /// Stops when at most `triangles` are left, when each further step would move the surface by more than
+  /// `max_error` scan units (root mean square over a vertex's area), or when no step is legal. Keeps shape
+  /// and orientation of triangles while that leaves legal steps.
   void run(std::uint64_t triangles, double max_error, const Progress& progress);
 
   std::uint64_t triangle_count() const;
   BaseMesh base() const;
-  /// The map, taken out; the rest is given back to the machine, and nothing else may be asked any more.
+  /// Moves the map out and frees everything else; no other member may be called afterwards.
   SelfMap finish();
 
  private:

@@ -156,10 +156,10 @@ std::uint32_t side_of(const UvQuads& mesh, std::size_t quad, const VdmMap& map, 
   return std::min(std::bit_ceil(static_cast<std::uint32_t>(steps)) + 1, max_side);
 }
 
-// --- where patches meet
+// --- shared edges of patches
 // -------------------------------------------------------------------------------------------
 
-// All patches at a vertex get the mean of what they have there; join_edges() wants that.
+// All patches at a vertex get the mean of their displacements there, as join_edges() requires.
 void weld_corners(Proxy& proxy) {
   std::vector<Vec3d> sum(proxy.positions.size());
   std::vector<std::uint32_t> count(proxy.positions.size(), 0);
@@ -250,10 +250,9 @@ void check_displacements(const Proxy& proxy, const std::string& file) {
       for (std::uint32_t i = 0; i < tile.side; ++i) {
         const Vec3f& v = proxy.map[texel_index(proxy, tile, i, j)];
         if (!(std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}) <= kLargestProxyValue))
-          throw Error(
-              ErrorKind::kInput, file,
-              "patch " + std::to_string(patch) +
-                  " would be displaced by more than 1e18 units; are --vdm-scale and --vdm-midlevel right?");
+          throw Error(ErrorKind::kInput, file,
+                      "patch " + std::to_string(patch) + " would be displaced by more than 1e18 units",
+                      Remedy::kDisplacementScale);
       }
   }
 }
@@ -326,10 +325,8 @@ Proxy import_vdm(const PolygonMesh& polygons, const VdmMap& source_map, const Im
   counts = {};
   const VdmConvention& convention = config.convention;
   if (source_map.is_integer && source_map.channels == 3 && convention.midlevel == 0)
-    throw Error(
-        ErrorKind::kInput, file,
-        "its map holds integers, which cannot be negative, and vectors are; say which value means none "
-        "(--vdm-midlevel 0.5), or export 32-bit floats");
+    throw Error(ErrorKind::kInput, file, "its map holds integers, which cannot be negative, and vectors are",
+                Remedy::kDisplacementZero);
   UvQuads mesh = split_polygons(polygons, file, counts.split_faces, counts.dropped_faces);
   check_finite(mesh, file);
   counts.faces = polygons.face_count();
@@ -352,8 +349,8 @@ Proxy import_vdm(const PolygonMesh& polygons, const VdmMap& source_map, const Im
     proxy.tiles.push_back({0, 0, side, 0});
   }
   if (counts.texels > config.max_texels)
-    throw Error(ErrorKind::kBudget, file,
-                "would have " + std::to_string(counts.texels) + " texels; allow fewer a patch (--max-side)");
+    throw Error(ErrorKind::kBudget, file, "would have " + std::to_string(counts.texels) + " texels",
+                Remedy::kPatchSide);
   pack_map(proxy);
 
   const Frames frames = make_frames(mesh);

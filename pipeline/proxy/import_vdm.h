@@ -1,5 +1,5 @@
-// Assets of other programs: any polygon mesh with texture coordinates and a displacement map, resampled to a
-// proxy's tiles.
+// Imports assets of other programs: any polygon mesh with texture coordinates and a displacement map,
+// resampled to a proxy's tiles.
 #pragma once
 
 #include <array>
@@ -29,7 +29,7 @@ struct VdmConvention {
   double scale = 1, midlevel = 0;
 };
 
-/// "xzy", "tnb", "x-zy": three different axes, each with a sign where it is turned round. Throws
+/// "xzy", "tnb", "x-zy": three different axes, each with a minus sign where it is reversed. Throws
 /// Error(kUsage).
 std::array<VdmAxis, 3> parse_vdm_order(std::string_view text);
 
@@ -50,15 +50,15 @@ struct ImportConfig {
   std::uint64_t max_texels = std::uint64_t{1} << 28;
 };
 
-/// What was there, and what was done about it.
+/// What the import found and did.
 struct ImportReport {
   std::uint64_t faces = 0, patches = 0, texels = 0;
-  std::uint64_t split_faces = 0;        ///< that are no quads; then all faces are split around their middles
+  std::uint64_t split_faces = 0;        ///< that are no quads; then all faces are split around their centres
   std::uint64_t dropped_faces = 0;      ///< with fewer than three different corners
   std::uint64_t zero_area_patches = 0;  ///< kept
   std::uint64_t bad_texels = 0;         ///< NaN or infinite: no displacement there
-  std::uint64_t welded_edges = 0;       ///< where two patches did not agree: they got the mean
-  std::uint64_t overlapping_patches = 0;  ///< in the map, with others (by at least a quarter): kept
+  std::uint64_t welded_edges = 0;       ///< where two patches differed: they got the mean
+  std::uint64_t overlapping_patches = 0;  ///< that overlap others in the map by at least a quarter: kept
   std::uint64_t coarser_patches = 0;      ///< that have fewer texels than the map has for them
   std::uint64_t long_patches = 0;         ///< displaced by more than the mesh's diagonal: kept
   double longest_displacement = 0, diagonal = 0;

@@ -7,12 +7,12 @@ namespace rbvh {
 namespace {
 
 // Texel k of `steps` + 1 along the edge, from its lower vertex to the other.
-struct EdgeWalk {
+struct EdgeTexels {
   Proxy& proxy;
   const QuadEdge& edge;
   std::uint32_t side;
 
-  EdgeWalk(Proxy& p, const QuadEdge& e) : proxy(p), edge(e), side(p.tiles[e.patch].side) {}
+  EdgeTexels(Proxy& p, const QuadEdge& e) : proxy(p), edge(e), side(p.tiles[e.patch].side) {}
   Vec3f& texel(std::uint32_t k) const {
     const TexelPlace at = texel_along(proxy, edge, k);
     return proxy.map[texel_index(proxy, proxy.tiles[edge.patch], at.i, at.j)];
@@ -27,18 +27,18 @@ struct EdgeWalk {
 
 void join_edges(Proxy& proxy) {
   for_each_edge(proxy, [&](std::span<const QuadEdge> patches, std::uint32_t steps) {
-    const EdgeWalk first(proxy, patches[0]);
+    const EdgeTexels first(proxy, patches[0]);
     const std::uint32_t first_ratio = (first.side - 1) / steps;
     for (const QuadEdge& patch : patches) {
-      const EdgeWalk walk(proxy, patch);
-      const std::uint32_t ratio = (walk.side - 1) / steps;
-      for (std::uint32_t k = 0; k <= steps; ++k) walk.texel(k * ratio) = first.texel(k * first_ratio);
+      const EdgeTexels edge(proxy, patch);
+      const std::uint32_t ratio = (edge.side - 1) / steps;
+      for (std::uint32_t k = 0; k <= steps; ++k) edge.texel(k * ratio) = first.texel(k * first_ratio);
       for (std::uint32_t k = 0; k < steps; ++k) {
-        const Vec3f from = walk.base(k * ratio) + walk.texel(k * ratio);
-        const Vec3f to = walk.base((k + 1) * ratio) + walk.texel((k + 1) * ratio);
+        const Vec3f from = edge.base(k * ratio) + edge.texel(k * ratio);
+        const Vec3f to = edge.base((k + 1) * ratio) + edge.texel((k + 1) * ratio);
         for (std::uint32_t m = 1; m < ratio; ++m)
-          walk.texel(k * ratio + m) =
-              mix(from, to, static_cast<float>(m) / static_cast<float>(ratio)) - walk.base(k * ratio + m);
+          edge.texel(k * ratio + m) =
+              mix(from, to, static_cast<float>(m) / static_cast<float>(ratio)) - edge.base(k * ratio + m);
       }
     }
   });

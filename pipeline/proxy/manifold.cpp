@@ -94,7 +94,7 @@ Vec3d normal_of(const Scan& scan, const std::vector<std::uint32_t>& vertex_of, s
   return normalized(cross(point(1) - point(0), point(2) - point(0)));
 }
 
-// Which sides of an edge with more than two triangles are neighbours: of those that turn the same way, the
+// Which sides of an edge with more than two triangles are neighbours: of those of the same orientation, the
 // ones that lie flattest. Calls glue(a, b).
 template <class Glue>
 void pair_sheets(const Scan& scan, const std::vector<std::uint32_t>& vertex_of, std::span<const Side> sides,

@@ -1,5 +1,5 @@
-// From any triangles to a mesh that half-edges can hold: cut where more than two triangles meet or where
-// neighbours turn opposite ways, small parts left out.
+// Makes any triangles a mesh that half-edges can hold: cuts edges of more than two triangles and between
+// neighbours of opposite orientation, and leaves small components out.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 namespace rbvh {
 
 struct Manifold {
-  std::vector<Vec3f> positions;  ///< one a vertex; vertices that a cut separated have the same
+  std::vector<Vec3f> positions;  ///< a vertex; the same for vertices that a cut separated
   std::vector<Triangle>
       triangles;  ///< every edge in at most two, in opposite directions; every vertex in one fan
 };
@@ -19,10 +19,10 @@ struct ManifoldCounts {
   std::uint64_t small_components = 0;  ///< left out, as their area is under the threshold
   std::uint64_t small_triangles = 0;   ///< in these
   std::uint64_t flat_triangles = 0;    ///< left out: two equal corners
-  std::uint64_t cut_edges = 0;  ///< with more than two triangles, or with neighbours that turn opposite ways
+  std::uint64_t cut_edges = 0;     ///< with more than two triangles, or neighbours of opposite orientation
   std::uint64_t cut_vertices = 0;  ///< vertices that became several
-  std::uint64_t open_edges = 0;    ///< rims, after cutting
-  std::uint64_t components = 0;    ///< that are left, after cutting
+  std::uint64_t open_edges = 0;    ///< boundary edges, after cutting
+  std::uint64_t components = 0;    ///< after cutting, small ones not counted
 };
 
 /// Vertices at the same position are one. Components with less than `min_component` of the whole area are

@@ -1,4 +1,4 @@
-// Places for tiles in one map.
+// Packs tiles into one map.
 #pragma once
 
 #include "pipeline/proxy/proxy.h"

@@ -1,5 +1,5 @@
 // Greedy pairs, the best first; what stays alone is paired along alternating paths (Edmonds, "Paths, trees,
-// and flowers", 1965, with blossoms); then pairs around a vertex are turned where that makes better quads.
+// and flowers", 1965, with blossoms); then pairs around a vertex are exchanged where that makes better quads.
 #include "pipeline/proxy/pair_triangles.h"
 
 #include <algorithm>
@@ -52,7 +52,7 @@ Neighbors find_neighbors(const std::vector<Triangle>& triangles) {
 
 double angle(Vec3d a, Vec3d b) { return std::atan2(length(cross(a, b)), dot(a, b)); }
 
-// 0 for a flat square; about 1 for a quad with a corner of a half turn.
+// 0 for a flat square; about 1 for a quad with a corner of 180 degrees.
 double pair_cost(const BaseMesh& mesh, const Neighbors& n, std::uint32_t triangle, std::size_t side) {
   const Triangle& a = mesh.triangles[triangle];
   const Triangle& b = mesh.triangles[n.across[triangle][side]];
@@ -68,7 +68,7 @@ double pair_cost(const BaseMesh& mesh, const Neighbors& n, std::uint32_t triangl
   return (worst + kFoldWeight * fold) / (std::numbers::pi / 2);
 }
 
-// Partners of triangles. A triangle on an open rim may also have its rim as partner, a node of its own.
+// Matches triangles. A triangle at a boundary may also be matched with its boundary edge, a node of its own.
 class Matching {
  public:
   explicit Matching(const Neighbors& neighbors)
@@ -84,7 +84,7 @@ class Matching {
     seen_.assign(nodes, 0);
   }
 
-  std::vector<std::uint32_t> partner;  ///< triangle i's rim is node count + i
+  std::vector<std::uint32_t> partner;  ///< triangle i's boundary edge is node count + i
 
   void complete(bool with_boundary) {
     with_boundary_ = with_boundary;

@@ -1,6 +1,6 @@
-// Quads out of triangles: each triangle is paired with one neighbour, so that nothing is left over and
-// nothing need be split. A closed surface always allows that (Petersen, "Die Theorie der regulären graphs",
-// 1891); at an open rim a triangle may stand alone, as a quad with a corner in the middle of its rim edge.
+// Quads from triangles: each triangle is matched with one neighbour, so that none is left over or split. A
+// closed surface always has a perfect matching (Petersen, "Die Theorie der regulären graphs", 1891); at a
+// boundary a triangle may stay alone, as a quad with a corner in the middle of its boundary edge.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Which level of detail each patch of a proxy is shown at, and what its borders must be so that nothing
-// cracks: two patches that share an edge both give it the coarser one's level.
+// The level of detail of each patch and of its borders. Two patches that share an edge both give it the
+// coarser one's level, so that the surface has no cracks.
 #pragma once
 
 #include <array>
@@ -21,18 +21,18 @@ struct PatchLevel {
 /// The level of a tile: log2(side - 1).
 std::uint32_t tile_level(const PatchTile& tile);
 
-/// Which edge of the mesh each border of each patch lies on. Edges are told by their ends' places, so a mesh
-/// that repeats vertices along its UV seams is still one surface.
+/// The mesh's edge under each border of each patch. Edges are identified by their ends' positions, so that a
+/// mesh that repeats vertices along its UV seams is one surface.
 struct PatchEdges {
   std::vector<std::array<std::uint32_t, 4>> of_patch;
   std::uint32_t count = 0;
 };
 PatchEdges find_edges(const Proxy& proxy);
 
-/// A level for each patch, each at most its tile's, becomes levels with borders.
+/// Adds borders to a level for each patch, each at most its tile's.
 std::vector<PatchLevel> match_borders(const PatchEdges& edges, std::span<const std::uint32_t> levels);
 
-/// Every tile's own level, or `most` where that is less.
+/// Every tile's own level, or `most` where that is coarser.
 std::vector<std::uint32_t> uniform_levels(const Proxy& proxy, std::uint32_t most);
 
 }  // namespace rbvh

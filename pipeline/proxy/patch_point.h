@@ -1,5 +1,5 @@
 // Where a patch's texels lie on its base quad and on its surface. Sums are in an order that gives two patches
-// the same bits along the edge that they share, whichever way round each of them goes.
+// the same bits along the edge that they share, whatever direction each of them has.
 #pragma once
 
 #include "pipeline/proxy/proxy.h"

@@ -1,11 +1,12 @@
-// A proxy: a mesh of patches, each a base quad with its own square tile of displacement vectors. However a
-// proxy came to be (baked here, or read from a foreign quad mesh with any map), in memory it is always this.
+// A proxy is a displaced patch mesh: patches, each a base quad with its own square tile of displacement
+// vectors. Whether baked here or read from a foreign quad mesh with any map, in memory it is always this.
 //
 //   position(s, t) of a patch = bilinear(corners, s, t) + bilinear(its tile's texels, s, t)
 //
 // Texels sit at the corners of micro-quads: texel (0,0) at the quad's first corner, (side-1,0) at its second,
-// (side-1,side-1) at its third. Patches that share an edge hold bit-identical surface points along it; where
-// their sides differ, the finer one's points in between lie on the coarser one's chord, so nothing cracks.
+// (side-1,side-1) at its third. Patches that share an edge hold bitwise equal surface points along it; where
+// their sides differ, the finer one's points in between lie on the coarser one's chord: the surface has no
+// cracks.
 #pragma once
 
 #include <array>

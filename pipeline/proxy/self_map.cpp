@@ -22,10 +22,10 @@ Flat operator-(Flat a, Flat b) { return {a.x - b.x, a.y - b.y}; }
 
 double angle_between(Vec3d a, Vec3d b) { return std::atan2(length(rbvh::cross(a, b)), dot(a, b)); }
 
-// The ring's directions from the center, with gaps scaled to sum up to a full turn (a half on the rim).
+// The ring's directions from the center, with gaps scaled to sum up to 360 degrees (180 on a boundary).
 std::vector<double> ring_angles(const std::vector<Vec3d>& spokes, bool is_boundary, double& total) {
   const std::size_t gaps = spokes.size() - (is_boundary ? 1 : 0);
-  const double turn = (is_boundary ? 1 : 2) * std::numbers::pi;
+  const double full = (is_boundary ? 1 : 2) * std::numbers::pi;
   std::vector<double> gap(gaps);
   total = 0;
   for (std::size_t i = 0; i < gaps; ++i) {
@@ -33,10 +33,10 @@ std::vector<double> ring_angles(const std::vector<Vec3d>& spokes, bool is_bounda
     total += gap[i];
   }
   bool is_usable = total > 1e-6;
-  for (const double g : gap) is_usable &= g * turn < kWidestGap * total && g * turn > 1e-3 * total;
+  for (const double g : gap) is_usable &= g * full < kWidestGap * total && g * full > 1e-3 * total;
   std::vector<double> angles(spokes.size(), 0.0);
   for (std::size_t i = 0; i + 1 < spokes.size(); ++i)
-    angles[i + 1] = angles[i] + (is_usable ? gap[i] * turn / total : turn / static_cast<double>(gaps));
+    angles[i + 1] = angles[i] + (is_usable ? gap[i] * full / total : full / static_cast<double>(gaps));
   if (!is_usable) total = 0;
   return angles;
 }
@@ -70,8 +70,8 @@ std::vector<Flat> flatten(Vec3d center, std::span<const Vec3d> ring, bool is_bou
     if (is_boundary) flat.front().y = flat.back().y = 0;  // the center lies between the two
   };
   if (total > 0) {
-    const double turn = (is_boundary ? 1 : 2) * std::numbers::pi;
-    lay(std::clamp(turn / total, 0.5, 2.0));
+    const double full = (is_boundary ? 1 : 2) * std::numbers::pi;
+    lay(std::clamp(full / total, 0.5, 2.0));
     is_circle = !is_fan(flat, fan_from, least_area);
   } else {
     is_circle = true;

@@ -6,13 +6,14 @@
 // triangulations of one polygon in the plane, so a point of the fan lies in exactly one triangle of the star:
 //
 //        r2 ---- r1                r2 ---- r1
-//       /  \    /  \              /  \__     \          steps compose; on the polygon's rim every step is the
+//       /  \    /  \              /  \__     \          steps compose; on the polygon's boundary every step
+//       is the
 //     r3 -- v0 -- r0     <->    r3 ----- \-- r0        identity, so the whole is continuous
 //       \  /    \  /              \    __ /  /
 //        r4 ---- r5                r4 ---- r5
 //
-// A triangle of any moment is a *face version*: those of the original mesh are numbered as they are there,
-// each step adds those of its fan.
+// A triangle at any step is a *face version*: the original mesh's keep their numbers, and each step adds
+// those of its fan.
 #pragma once
 
 #include <array>
@@ -30,7 +31,7 @@ struct FacePoint {
   std::array<double, 3> weights{};
 };
 
-/// A triangle of the star of a vertex that is about to go: its version, and which of that version's corners
+/// A triangle of the star of a vertex to be removed: its version, and which of that version's corners
 /// (0 to 2) the vertex is.
 struct StarFace {
   std::uint32_t version = 0, corner_of_center = 0;
@@ -43,9 +44,9 @@ class SelfMap {
 
   /// Removes a vertex at `center`. `ring` are its neighbours counter-clockwise; `star` the triangles
   /// (center, ring[i], ring[i + 1]): as many as the ring has vertices, or one less for a vertex on the mesh's
-  /// rim, whose first and last neighbours then lie on the rim too. The fan goes out from ring[fan_from]: 0,
-  /// or on the rim also the last. Returns the first of ring.size() - 2 new versions: triangles (fan_from, i,
-  /// i + 1), corners in this order, for all i without fan_from, in increasing order.
+  /// boundary, whose first and last neighbours then lie on it too. The fan goes out from ring[fan_from]: 0,
+  /// or on the boundary also the last. Returns the first of ring.size() - 2 new versions: triangles
+  /// (fan_from, i, i + 1), corners in this order, for all i without fan_from, in increasing order.
   std::uint32_t remove_vertex(Vec3d center, std::span<const Vec3d> ring, std::span<const StarFace> star,
                               std::uint32_t fan_from);
 

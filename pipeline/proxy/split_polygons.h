@@ -1,4 +1,4 @@
-// Any polygons become quads.
+// Splits polygons into quads.
 #pragma once
 
 #include <array>
@@ -19,10 +19,10 @@ struct UvQuads {
   std::vector<std::array<Vec3d, 4>> normals;  ///< or empty
 };
 
-/// Vertices at one position become one. Where any face is no quad, all faces are split from their middle to
-/// the middles of their sides, so that no vertex comes to lie on a side of another face. `no_quads` and
-/// `dropped` count faces that are no quads, and those with fewer than three different corners, which go.
-/// Throws Error(kInput) for faces without texture coordinates, and where no face is left.
+/// Vertices at one position become one. Where any face is no quad, all faces are split from their centre to
+/// the middles of their edges, so that no vertex lies on an edge of another face. `no_quads` and
+/// `dropped` count faces that are no quads, and those with fewer than three different corners, which are
+/// dropped. Throws Error(kInput) for faces without texture coordinates, and where no face is left.
 UvQuads split_polygons(const PolygonMesh& mesh, const std::string& file, std::uint64_t& no_quads,
                        std::uint64_t& dropped);
 

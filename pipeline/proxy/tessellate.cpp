@@ -9,7 +9,7 @@
 namespace rbvh {
 namespace {
 
-// As kernels/trace/patch_surface.h has it.
+// The same arithmetic as in kernels/trace/patch_surface.h.
 std::uint32_t snapped(std::uint32_t i, std::uint32_t level, std::uint32_t edge) {
   const std::uint32_t step = 1u << (level - edge);
   return (i + step / 2) & ~(step - 1);

@@ -1,4 +1,4 @@
-// Packing a level's tiles into one rectangle of texels.
+// Packs a level's tiles into one rectangle of texels.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ struct AtlasSize {
 /// Places the tiles in shelves, tallest first (section 3.3 of the paper): sets leaf.x and leaf.y.
 AtlasSize pack_tiles(std::vector<Tile>& tiles);
 
-/// The atlas of one signal: texels of no tile are 0.
+/// The atlas of one signal; texels that belong to no tile are 0.
 std::vector<std::uint16_t> assemble_layer(const std::vector<Tile>& tiles,
                                           const std::vector<std::uint16_t>& texels, AtlasSize size);
 

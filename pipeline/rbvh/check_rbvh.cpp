@@ -91,7 +91,7 @@ Fault find_tile_fault(const Level& level) {
     if (std::uint64_t{leaf.width} * leaf.height > kMaxTileTexels)
       return "leaf " + number(i) + " has a tile of more than " + number(kMaxTileTexels) + " texels";
     if (std::uint32_t{leaf.x} + leaf.width > width || std::uint32_t{leaf.y} + leaf.height > height)
-      return "leaf " + number(i) + " has a tile that reaches out of the atlas";
+      return "leaf " + number(i) + " has a tile that extends beyond the atlas";
     if (!std::all_of(leaf.to_tile, leaf.to_tile + 12, [](float v) { return std::isfinite(v); }))
       return "leaf " + number(i) + " has a map to its tile that is not finite";
     if (!is_invertible(leaf.to_tile))
@@ -111,17 +111,17 @@ Fault find_exact_fault(const Level& level) {
   for (const RbvhExactLeaf& exact : level.exact_leaves) {
     if (exact.leaf >= level.leaves.size() || exact.leaf < next_leaf)
       return "says that leaf " + number(exact.leaf) + " of " + number(level.leaves.size()) +
-             " keeps primitives, which is out of range or out of order";
+             " has exact primitives, which is out of range or out of order";
     next_leaf = std::uint64_t{exact.leaf} + 1;
     const std::uint32_t count = level.leaves[exact.leaf].primitives;
     if (count == 0 || count > kMaxLeafPrimitives || exact.first != next_primitive ||
         next_primitive + count > level.exact_primitives.size())
-      return "leaf " + number(exact.leaf) + " keeps " + number(count) + " primitives from number " +
+      return "leaf " + number(exact.leaf) + " has " + number(count) + " exact primitives from number " +
              number(exact.first) + " on, of " + number(level.exact_primitives.size());
     next_primitive += count;
   }
   if (next_primitive != level.exact_primitives.size())
-    return "has " + number(level.exact_primitives.size()) + " primitives of which leaves keep " +
+    return "has " + number(level.exact_primitives.size()) + " exact primitives, and leaves that use " +
            number(next_primitive);
   for (std::size_t i = 0; i < level.exact_primitives.size(); ++i) {
     const float* shape = level.exact_primitives[i].shape;
@@ -150,7 +150,7 @@ Fault find_layer_fault(const Level& level, const Layer& layer) {
     if (tile.width < 2 || tile.height < 2 || std::uint64_t{tile.width} * tile.height > kMaxTileTexels ||
         std::uint32_t{tile.x} + tile.width > layer.width ||
         std::uint32_t{tile.y} + tile.height > layer.height)
-      return "has a tile that is too small or too large, or reaches out of its atlas";
+      return "has a tile that is too small or too large, or extends beyond its atlas";
     texels += std::uint64_t{tile.width} * tile.height;
   }
   if (texels > std::uint64_t{layer.width} * layer.height) return "has tiles that overlap";
@@ -171,10 +171,10 @@ Fault find_level_fault(const Level& level) {
       return "layer " + layer.name + " has " + number(layer.channels) + " channels; 1 to " +
              number(kMaxChannels) + " are possible";
   }
-  if (level.layers[0].name != "height" || level.layers[0].channels != 1)
+  if (layer_kind(level.layers[0].name) != LayerKind::kHeight || level.layers[0].channels != 1)
     return "does not begin with a layer height of one channel";
   for (const Layer& layer : level.layers)
-    if ((layer.name == "height" || layer.name == "normal" || layer.name == "color") && !layer.tiles.empty())
+    if (layer_kind(layer.name) != LayerKind::kUser && !layer.tiles.empty())
       return "layer " + layer.name + " does not have the level's atlas";
   for (const Layer& layer : level.layers)
     if (Fault fault = find_layer_fault(level, layer)) return "layer " + layer.name + " " + *fault;

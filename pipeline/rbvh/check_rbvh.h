@@ -1,5 +1,4 @@
-// The promises that whoever traces an RBVH relies on, checked: a hierarchy may come from a file that means
-// harm.
+// Checks the invariants that tracing an RBVH relies on: a file may be malicious.
 #pragma once
 
 #include <optional>
@@ -9,12 +8,12 @@
 
 namespace rbvh {
 
-/// Rows of to_tile have lengths within [1 / kLargest, kLargest], coordinates are at most that: squares and
-/// products of two still fit in a float.
+/// Rows of to_tile have lengths in [1 / kLargestValue, kLargestValue], and coordinates are at most that:
+/// squares and products of two still fit in a float.
 inline constexpr float kLargestValue = 1e18f;
 inline constexpr std::size_t kMaxLevels = 32, kMaxLayers = 16;
 inline constexpr std::uint32_t kMaxChannels = 4;
-inline constexpr std::uint32_t kMaxLeafPrimitives = 255;  ///< that a leaf keeps
+inline constexpr std::uint32_t kMaxLeafPrimitives = 255;  ///< exact ones of a leaf
 inline constexpr std::uint64_t kMaxTileTexels = 1u << 28;
 
 /// The first fault of the hierarchies, the tiles' places and the names, in words ("level Q0: node 7 ..."), or

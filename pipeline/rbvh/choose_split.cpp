@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "pipeline/rbvh/runs.h"
+
 namespace rbvh {
 namespace {
 
@@ -45,7 +47,8 @@ SplitGrid split_grid(const PartitionNode& node) {
   return grid;
 }
 
-/// The best plane of a node's bins (3 * kBins), or the spatial median where none has something on both sides.
+/// The cheapest plane of a node's bins (3 * kBins), or the spatial median where every one leaves a side
+/// empty.
 Split best_plane(const PartitionNode& node, const SplitBin* bins) {
   Split best = spatial_median(node);
   double least = std::numeric_limits<double>::infinity();
@@ -78,26 +81,25 @@ Split best_plane(const PartitionNode& node, const SplitBin* bins) {
 void choose_planes(const Partition& partition, const Primitives& primitives,
                    const std::vector<std::uint32_t>& nodes, std::vector<Split>& splits) {
   const Device& device = primitives.device;
-  const Kernel bin = device.kernel("build/partition", "partition_bins");
   for (std::size_t k = 0; k < nodes.size();) {
-    std::vector<Run> runs;
+    std::vector<Run> list;
     std::vector<SplitGrid> grids;
     const std::size_t first = k;
-    for (; k < nodes.size() && runs.size() < kBinnedRuns; ++k) {
+    for (; k < nodes.size() && list.size() < kBinnedRuns; ++k) {
       const PartitionNode& node = partition.nodes[nodes[k]];
-      append_runs(runs, static_cast<std::uint32_t>(k - first), node.begin, node.end, kRunLength);
+      append_runs(list, static_cast<std::uint32_t>(k - first), node.begin, node.end, kRunLength);
       grids.push_back(split_grid(node));
     }
-    const Buffer<SplitBin> device_bins(device, runs.size() * 3 * kBins);
-    bin.run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
-            static_cast<std::uint32_t>(runs.size()), Buffer<SplitGrid>(device, grids), partition.references,
-            primitives.box_lo, primitives.box_hi, device_bins);
+    const Runs runs = upload_runs(device, std::move(list));
+    const Buffer<SplitBin> device_bins(device, runs.count() * 3 * kBins);
+    run_over(device, runs, "build/partition", "partition_bins", Buffer<SplitGrid>(device, grids),
+             partition.references, primitives.box_lo, primitives.box_hi, device_bins);
     const std::vector<SplitBin> run_bins = device_bins.read();
     std::vector<SplitBin> bins(3 * kBins);
-    for (std::size_t r = 0; r < runs.size();) {
-      const std::uint32_t owner = runs[r].owner;
+    for (std::size_t r = 0; r < runs.count();) {
+      const std::uint32_t owner = runs.list[r].owner;
       std::fill(bins.begin(), bins.end(), no_bin());
-      for (; r < runs.size() && runs[r].owner == owner; ++r)
+      for (; r < runs.count() && runs.list[r].owner == owner; ++r)
         for (std::size_t i = 0; i < bins.size(); ++i) add(bins[i], run_bins[r * bins.size() + i]);
       splits[first + owner] = best_plane(partition.nodes[nodes[first + owner]], bins.data());
     }
@@ -126,7 +128,7 @@ std::vector<Split> choose_splits(const Partition& partition, const Primitives& p
   if (partition.rule == SplitRule::kSurfaceArea) choose_planes(partition, primitives, nodes, splits);
   for (std::size_t k = 0; k < nodes.size(); ++k) {
     const ObjectSet& objects = partition.nodes[nodes[k]].objects;
-    if (objects.count != 2) continue;
+    if (split_kind(SplitBy::kRule, objects.count) != RBVH_SPLIT_OBJECT) continue;
     splits[k].kind = RBVH_SPLIT_OBJECT;
     splits[k].middle = std::min(objects.ids[0], objects.ids[1]);
   }

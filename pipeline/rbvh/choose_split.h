@@ -1,5 +1,5 @@
-// Where the partition's nodes are split (section 3.2 of the paper): spatial median, surface area heuristic,
-// objects.
+// The planes that split the partition's nodes (section 3.2 of the paper): spatial median or surface area
+// heuristic.
 #pragma once
 
 #include <vector>
@@ -11,12 +11,12 @@ namespace rbvh {
 /// The middle of the node's longest axis.
 Split spatial_median(const PartitionNode& node);
 
-/// How each of these nodes is to be split: what belongs to exactly two objects by these, all others by the
+/// A split for each of these nodes: one of exactly two objects is split by object, any other by the
 /// partition's rule.
 std::vector<Split> choose_splits(const Partition& partition, const Primitives& primitives,
                                  const std::vector<std::uint32_t>& nodes);
 
-/// Adds what other primitives belong to.
+/// The objects of both.
 void add(ObjectSet& to, const ObjectSet& from);
 
 }  // namespace rbvh

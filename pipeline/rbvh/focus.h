@@ -1,5 +1,5 @@
-// Quality that differs from place to place (section 3.5 of the paper): finest around a point of interest,
-// falling with the distance from it as what a viewer there could tell apart does, down to the level's own.
+// Quality that varies over the scan (section 3.5 of the paper): finest around a point of interest, then
+// falling with the distance, as the resolution of a viewer there does, down to the level's own.
 #pragma once
 
 #include "pipeline/base/vec.h"
@@ -10,14 +10,14 @@ namespace rbvh {
 struct Focus {
   Vec3f center{};
   float radius = 0;   ///< within it the quality is `level`'s; scan units, > 0
-  LevelConfig level;  ///< a level that is finer than this one stays as it is
+  LevelConfig level;  ///< levels finer than this one are not changed
 };
 
-/// What a level asks for at this distance from the focus (none: the level's own). Texels grow in proportion
-/// to the distance; rho falls in steps of 2, so that neighbouring tiles differ by no more, or not at all.
+/// The level's quality at this distance from the focus (none: the level's own). Texels grow in proportion to
+/// the distance; rho falls in steps of 2, so that neighbouring tiles differ by one step or not at all.
 LevelConfig quality_at(const LevelConfig& level, const Focus* focus, float distance);
 
-/// The nearest and the farthest that a point of the box can be.
+/// The distances of the box's nearest and farthest point.
 struct DistanceRange {
   float nearest = 0, farthest = 0;
 };

@@ -5,18 +5,20 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/measure/surface_distance.h"
+#include "pipeline/rbvh/layer_codec.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
 namespace {
 
-/// A texel's disc reaches past the middle between it and its diagonal neighbours.
+/// A texel's disc extends past the middle between it and its diagonal neighbours.
 constexpr double kDiscPerTexel = 0.75;
-/// A surface that leans away from the tile stretches its texels; no further than this.
+/// A surface that is inclined to the tile stretches its texels; at most by this factor.
 constexpr double kMostStretch = 3;
 
-/// Writes down the vertices of one level's surface.
+/// Collects the vertices of one level's surface.
 class SurfaceScan {
  public:
   explicit SurfaceScan(const Level& level)
@@ -25,13 +27,13 @@ class SurfaceScan {
         normals_(find_layer(level, "normal")),
         colors_(find_layer(level, "color")) {}
 
-  /// The texel's point, with what its tile says of it.
+  /// The texel's point, with its normal and colour in the layers.
   std::uint32_t add_texel(Vec3f point, std::size_t texel, Vec3f otherwise_normal) {
     const bool is_known = normals_ != nullptr && normals_->texels[texel] != 0;
     return add(point, is_known ? unpack_normal(normals_->texels[texel]) : otherwise_normal, texel);
   }
 
-  /// A point near a tile's surface: what the nearest texel says.
+  /// A point near a tile's surface, with the normal and colour of the nearest texel.
   std::uint32_t add_point(Vec3f point, std::uint32_t leaf, Vec3f normal, bool keeps_normal) {
     const std::size_t texel = nearest_texel(level_.leaves[leaf], point);
     if (keeps_normal || heights_[texel] == 0) return add(point, normal, texel);
@@ -123,7 +125,7 @@ void add_exact(const Level& level, bool is_cloud, SurfaceScan& surface) {
       const float* s = level.exact_primitives[exact.first + i].shape;
       const Vec3f p[3] = {{s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]}};
       if (level.exact_discs) {
-        if (!is_cloud) continue;  // a mesh keeps triangles
+        if (!is_cloud) continue;  // a mesh has exact triangles
         surface.add_point(p[0], exact.leaf, {s[4], s[5], s[6]}, true);
         surface.scan.radii.push_back(s[3]);
         continue;
@@ -135,9 +137,9 @@ void add_exact(const Level& level, bool is_cloud, SurfaceScan& surface) {
     }
 }
 
-/// What the user wrote on the finer level, read at the derived levels' texels.
+/// The user's layers of the finer level, sampled at the derived levels' texels.
 void carry_layers(const Device& device, const Level& from, std::vector<Level>& derived) {
-  const auto is_users = [](const Layer& layer) { return !is_standard_layer(layer.name); };
+  const auto is_users = [](const Layer& layer) { return layer_kind(layer.name) == LayerKind::kUser; };
   if (std::none_of(from.layers.begin(), from.layers.end(), is_users)) return;
   const PointIndex index = make_point_index(device, from);
   for (const Layer& layer : from.layers) {
@@ -150,8 +152,8 @@ void carry_layers(const Device& device, const Level& from, std::vector<Level>& d
     for (Level& level : derived) {
       Layer& to = level.layers.emplace_back(make_layer(level, layer.name, layer.channels, own / heights));
       const LayerPoints points = layer_points(level, to);
-      const auto reach = static_cast<float>(2 * texel_side(level));
-      set_values(to, points.texels, sample_layer(index, from, layer, points.points, reach));
+      const auto most = static_cast<float>(2 * texel_side(level));
+      set_values(to, points.texels, sample_layer(index, from, layer, points.points, most));
     }
   }
 }

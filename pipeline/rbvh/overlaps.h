@@ -1,6 +1,5 @@
-// A tile's guests: primitives of its neighbours that reach into it. Rasterised at its rim, they make
-// neighbouring tiles agree on the surface between them, where a tile alone could only guess by extrapolation.
-// They take the place of the paper's overlap of 5 % a split, which multiplies the references.
+// Overlapping neighbours: the primitives of other tiles that overlap a tile's box. tile_border.h says what
+// for.
 #pragma once
 
 #include <vector>
@@ -11,7 +10,7 @@
 
 namespace rbvh {
 
-/// The guests of query k: primitives[firsts[k], firsts[k + 1]).
+/// Those of query k: primitives[firsts[k], firsts[k + 1]).
 struct Overlaps {
   std::vector<std::uint32_t> firsts;
   Buffer<std::uint32_t> primitives;

@@ -5,6 +5,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/choose_split.h"
 #include "pipeline/rbvh/partition_host.h"
+#include "pipeline/rbvh/runs.h"
 
 namespace rbvh {
 namespace {
@@ -27,55 +28,48 @@ void add(PrimitiveSums& to, const PrimitiveSums& from) {
   to.count += from.count;
 }
 
-/// The cone around the mean normal ([SAE93] approximated, as the paper has it) of nodes[first..].
+/// The cones around the mean normals of nodes[first..] ([SAE93], approximated as in the paper).
 void measure_cones(Partition& partition, const Primitives& primitives, std::size_t first) {
   const Device& device = primitives.device;
-  std::vector<Run> runs;
+  std::vector<Run> list;
   std::vector<Float4> axes;
   for (std::size_t n = first; n < partition.nodes.size(); ++n) {
     const PartitionNode& node = partition.nodes[n];
-    append_runs(runs, static_cast<std::uint32_t>(n - first), node.begin, node.end, kRunLength);
+    append_runs(list, static_cast<std::uint32_t>(n - first), node.begin, node.end, kRunLength);
     const float* sum = node.sums.area_normal;
     const Vec3f axis = normalized(Vec3f{sum[0], sum[1], sum[2]});
     axes.push_back({axis.x, axis.y, axis.z, 0});
   }
-  const Buffer<float> device_cosines(device, runs.size());
-  device.kernel("build/partition", "partition_cones")
-      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
-           static_cast<std::uint32_t>(runs.size()), Buffer<Float4>(device, axes), partition.references,
-           primitives.area_normal, device_cosines);
+  const Runs runs = upload_runs(device, std::move(list));
+  const Buffer<float> device_cosines(device, runs.count());
+  run_over(device, runs, "build/partition", "partition_cones", Buffer<Float4>(device, axes),
+           partition.references, primitives.area_normal, device_cosines);
   const std::vector<float> cosines = device_cosines.read();
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    float& least = partition.nodes[first + runs[r].owner].cone_cosine;
+  for (std::size_t r = 0; r < cosines.size(); ++r) {
+    float& least = partition.nodes[first + runs.list[r].owner].cone_cosine;
     least = std::min(least, cosines[r]);
   }
 }
 
-/// Which objects nodes[first..] have, where there are several.
+/// The objects of nodes[first..], where the scan has several.
 void find_objects(Partition& partition, const Primitives& primitives, std::size_t first) {
   if (!primitives.has_objects) return;
   const Device& device = primitives.device;
-  std::vector<Run> runs;
+  std::vector<Run> list;
   for (std::size_t n = first; n < partition.nodes.size(); ++n) {
     PartitionNode& node = partition.nodes[n];
     node.objects.count = 0;
-    append_runs(runs, static_cast<std::uint32_t>(n), node.begin, node.end, kRunLength);
+    append_runs(list, static_cast<std::uint32_t>(n), node.begin, node.end, kRunLength);
   }
-  const Buffer<ObjectSet> sets(device, runs.size());
-  device.kernel("build/partition", "partition_objects")
-      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
-           static_cast<std::uint32_t>(runs.size()), partition.references, primitives.objects, sets);
+  const Runs runs = upload_runs(device, std::move(list));
+  const Buffer<ObjectSet> sets(device, runs.count());
+  run_over(device, runs, "build/partition", "partition_objects", partition.references, primitives.objects,
+           sets);
   const std::vector<ObjectSet> found = sets.read();
-  for (std::size_t r = 0; r < runs.size(); ++r) add(partition.nodes[runs[r].owner].objects, found[r]);
+  for (std::size_t r = 0; r < found.size(); ++r) add(partition.nodes[runs.list[r].owner].objects, found[r]);
 }
 
 }  // namespace
-
-void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
-                 std::uint32_t run_length) {
-  for (std::uint32_t at = begin; at < end; at += std::min(run_length, end - at))
-    runs.push_back({owner, at, at + std::min(run_length, end - at)});
-}
 
 Partition make_root(const Primitives& primitives, bool cones, SplitRule rule, PartitionWhere where) {
   if (where == PartitionWhere::kHost) return make_root_on_host(primitives, cones, rule);
@@ -84,12 +78,11 @@ Partition make_root(const Primitives& primitives, bool cones, SplitRule rule, Pa
   std::iota(identity.begin(), identity.end(), 0u);
   Partition partition{
       .nodes = {}, .references = Buffer<std::uint32_t>(device, identity), .cones = cones, .rule = rule};
-  std::vector<Run> runs;
-  append_runs(runs, 0, 0, primitives.count, kRunLength);
-  const Buffer<PrimitiveSums> sums(device, runs.size());
-  device.kernel("build/partition", "partition_reduce")
-      .run(runs.size(), job_group_size(device), Buffer<Run>(device, runs),
-           static_cast<std::uint32_t>(runs.size()), partition.references, primitives.box_lo,
+  std::vector<Run> list;
+  append_runs(list, 0, 0, primitives.count, kRunLength);
+  const Runs runs = upload_runs(device, std::move(list));
+  const Buffer<PrimitiveSums> sums(device, runs.count());
+  run_over(device, runs, "build/partition", "partition_reduce", partition.references, primitives.box_lo,
            primitives.box_hi, primitives.area_normal, sums);
   PartitionNode root;
   root.end = primitives.count;
@@ -106,27 +99,23 @@ namespace {
 void split_level(Partition& partition, const Primitives& primitives, const std::vector<std::uint32_t>& active,
                  std::vector<Split> splits) {
   const Device& device = primitives.device;
-  const std::size_t group = job_group_size(device);
   std::vector<PartitionNode>& nodes = partition.nodes;
-  std::vector<Run> runs;
+  std::vector<Run> list;
   for (std::uint32_t k = 0; k < active.size(); ++k)
-    append_runs(runs, k, nodes[active[k]].begin, nodes[active[k]].end, kRunLength);
-  const auto run_count = static_cast<std::uint32_t>(runs.size());
-  const Buffer<Run> device_runs(device, runs);
+    append_runs(list, k, nodes[active[k]].begin, nodes[active[k]].end, kRunLength);
+  const Runs runs = upload_runs(device, std::move(list));
   const Buffer<std::uint8_t> sides(device, primitives.count);
 
-  // Where a split leaves one side empty the next kind is tried; a split by count always works.
   std::vector<PrimitiveSums> sums, children;
-  const Kernel choose = device.kernel("build/partition", "partition_choose");
-  const Buffer<PrimitiveSums> device_sums(device, 2 * runs.size());
+  const Buffer<PrimitiveSums> device_sums(device, std::size_t{2} * runs.count());
   for (bool stuck = true; stuck;) {
-    choose.run(runs.size(), group, device_runs, run_count, Buffer<Split>(device, splits),
-               partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal,
-               primitives.objects, sides, device_sums);
+    run_over(device, runs, "build/partition", "partition_choose", Buffer<Split>(device, splits),
+             partition.references, primitives.box_lo, primitives.box_hi, primitives.area_normal,
+             primitives.objects, sides, device_sums);
     sums = device_sums.read();
     children.assign(2 * active.size(), {});
-    for (std::size_t r = 0; r < runs.size(); ++r) {
-      const std::size_t left = std::size_t{2} * runs[r].owner;
+    for (std::size_t r = 0; r < runs.count(); ++r) {
+      const std::size_t left = std::size_t{2} * runs.list[r].owner;
       add(children[left], sums[2 * r]);
       add(children[left + 1], sums[2 * r + 1]);
     }
@@ -134,20 +123,20 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     for (std::size_t k = 0; k < active.size(); ++k) {
       if (children[2 * k].count != 0 && children[2 * k + 1].count != 0) continue;
       stuck = true;
-      if (splits[k].kind == RBVH_SPLIT_FACING)
-        splits[k] = spatial_median(nodes[active[k]]);
-      else
-        splits[k].kind = RBVH_SPLIT_COUNT;
+      const std::uint32_t kind = next_split_kind(splits[k].kind);
+      if (kind == RBVH_SPLIT_PLANE) splits[k] = spatial_median(nodes[active[k]]);
+      splits[k].kind = kind;
     }
   }
 
-  std::vector<std::uint32_t> targets(2 * runs.size());
+  std::vector<std::uint32_t> targets(std::size_t{2} * runs.count());
   std::uint32_t at[2] = {0, 0};
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    const PartitionNode& node = nodes[active[runs[r].owner]];
-    if (runs[r].begin == node.begin) {
+  for (std::size_t r = 0; r < runs.count(); ++r) {
+    const Run& run = runs.list[r];
+    const PartitionNode& node = nodes[active[run.owner]];
+    if (run.begin == node.begin) {
       at[0] = node.begin;
-      at[1] = node.begin + children[std::size_t{2} * runs[r].owner].count;
+      at[1] = node.begin + children[std::size_t{2} * run.owner].count;
     }
     for (std::uint32_t side = 0; side < 2; ++side) {
       targets[2 * r + side] = at[side];
@@ -155,11 +144,9 @@ void split_level(Partition& partition, const Primitives& primitives, const std::
     }
   }
   const Buffer<std::uint32_t> moved(device, primitives.count);
-  device.kernel("build/partition", "partition_scatter")
-      .run(runs.size(), group, device_runs, run_count, Buffer<std::uint32_t>(device, targets),
+  run_over(device, runs, "build/partition", "partition_scatter", Buffer<std::uint32_t>(device, targets),
            partition.references, sides, moved);
-  device.kernel("build/partition", "partition_copy")
-      .run(runs.size(), group, device_runs, run_count, moved, partition.references);
+  run_over(device, runs, "build/partition", "partition_copy", moved, partition.references);
 
   const std::size_t first_child = nodes.size();
   for (std::size_t k = 0; k < active.size(); ++k) {
@@ -205,16 +192,15 @@ void split_once(Partition& partition, const Primitives& primitives,
   for (const SplitRequest& request : requests) active.push_back(request.node);
   std::vector<Split> splits = choose_splits(partition, primitives, active);
   for (std::size_t k = 0; k < requests.size(); ++k) {
-    const SplitBy by = requests[k].by;
-    if (by == SplitBy::kRule || (by != SplitBy::kFirst && splits[k].kind == RBVH_SPLIT_OBJECT)) continue;
-    const PartitionNode& node = partition.nodes[requests[k].node];
+    const SplitRequest& request = requests[k];
+    const PartitionNode& node = partition.nodes[request.node];
+    const std::uint32_t kind = split_kind(request.by, node.objects.count);
+    if (kind == RBVH_SPLIT_PLANE || kind == RBVH_SPLIT_OBJECT) continue;  // as choose_splits() has them
     splits[k] = spatial_median(node);
-    splits[k].kind = by == SplitBy::kFacing     ? RBVH_SPLIT_FACING
-                     : by == SplitBy::kBoundary ? RBVH_SPLIT_BOUNDARY
-                                                : RBVH_SPLIT_COUNT;
-    if (by == SplitBy::kFirst) splits[k].middle = node.begin + requests[k].first;
-    std::copy_n(&requests[k].facing.x, 3, splits[k].direction);
-    splits[k].position = requests[k].cosine;
+    splits[k].kind = kind;
+    if (request.by == SplitBy::kFirst) splits[k].middle = node.begin + request.first;
+    std::copy_n(&request.facing.x, 3, splits[k].direction);
+    splits[k].position = request.cosine;
   }
   split_level(partition, primitives, active, std::move(splits));
 }

@@ -1,6 +1,6 @@
-// The tree over primitives (section 6 of the paper): breadth-first, on the device or, where that is asked
-// for, on the host (partition_host.h); where a node is split, choose_split.h says. Where a node ends up as a
-// leaf depends on the level; one tree serves all levels, each being a cut through it.
+// The tree over primitives (section 6 of the paper), built breadth-first on the device or, on request, on the
+// host (partition_host.h). choose_split.h chooses the planes. Which nodes are leaves depends on the level:
+// one tree serves all levels, each being a cut through it.
 #pragma once
 
 #include <functional>
@@ -9,6 +9,7 @@
 
 #include "kernels/common/layout.h"
 #include "pipeline/base/progress.h"
+#include "pipeline/rbvh/leaf_policy.h"
 #include "pipeline/rbvh/primitives.h"
 
 namespace rbvh {
@@ -17,7 +18,7 @@ namespace rbvh {
 struct PartitionNode {
   PrimitiveSums sums{};
   std::uint32_t begin = 0, end = 0;
-  float cone_cosine = 1;  ///< of the half-angle of the cone of normals, where cones are asked for
+  float cone_cosine = 1;  ///< of the half-angle of the cone of normals; 1 unless Partition::cones
   ObjectSet objects{{0, 0}, 1};
   std::int32_t left = -1;  ///< index of the left child, the right one follows; -1: not split (yet)
 
@@ -30,6 +31,10 @@ struct PartitionNode {
     return {{sums.lo[0], sums.lo[1], sums.lo[2]}, {sums.hi[0], sums.hi[1], sums.hi[2]}};
   }
 };
+
+inline NodeFacts facts(const PartitionNode& node) {
+  return {node.count(), node.objects.count, node.sums.area, node.projected_area(), node.cone_cosine};
+}
 
 enum class SplitRule {
   kSpatialMedian,  ///< the middle of the longest axis
@@ -46,40 +51,28 @@ struct Partition {
   Buffer<std::uint32_t> references;  ///< indices into Primitives
   bool cones = false;
   SplitRule rule = SplitRule::kSpatialMedian;
-  std::shared_ptr<const HostPrimitives> host = {};  ///< the host splits; none: the device does
+  std::shared_ptr<const HostPrimitives> host = {};  ///< with these the host splits, else the device
 };
 
-/// Cuts [begin, end) into runs of at most `run_length` references.
-void append_runs(std::vector<Run>& runs, std::uint32_t owner, std::uint32_t begin, std::uint32_t end,
-                 std::uint32_t run_length);
-
-/// With `cones`, this node and all that come of it know their cone of normals: one more pass over the
-/// primitives.
+/// With `cones`, this node and its descendants have their cone of normals: one more pass over the primitives.
 Partition make_root(const Primitives& primitives, bool cones, SplitRule rule = SplitRule::kSpatialMedian,
                     PartitionWhere where = PartitionWhere::kDevice);
 
-/// Splits the given nodes, what belongs to exactly two objects by these and all others by the partition's
-/// rule, then their children as long as `wants_split` says so. A node of one primitive is never split.
+/// Splits the given nodes, one of exactly two objects by object and the others by the partition's rule, then
+/// their children while `wants_split` holds. A node of one primitive is never split.
 void split_nodes(Partition& partition, const Primitives& primitives, std::vector<std::uint32_t> active,
                  const std::function<bool(const PartitionNode&)>& wants_split, const Progress& progress = {});
-
-enum class SplitBy {
-  kRule,      ///< as split_nodes()
-  kFacing,    ///< what faces along `facing` from what does not
-  kBoundary,  ///< what touches the surface's rim from what does not
-  kFirst,     ///< the `first` first references from the rest
-};
 
 /// A node to be split once.
 struct SplitRequest {
   std::uint32_t node;
   SplitBy by = SplitBy::kRule;
-  Vec3f facing{};
-  float cosine = 0;  ///< with `facing`, the least one of what faces along it
-  std::uint32_t first = 0;
+  Vec3f facing{};  ///< kFacing: a direction, and the least cosine with it of normals that face it
+  float cosine = 0;
+  std::uint32_t first = 0;  ///< kFirst: references in the left child
 };
 
-/// Splits each node once, also nodes that have children: those are forgotten.
+/// Splits each node once, also nodes that have children, which are then unreachable.
 void split_once(Partition& partition, const Primitives& primitives,
                 const std::vector<SplitRequest>& requests);
 

@@ -10,8 +10,8 @@
 namespace rbvh {
 namespace {
 
-/// Candidates along each axis: "the best from 32 split candidates" (table 1 of the paper), at equal
-/// distances.
+/// Candidates along each axis, at equal distances: "the best from 32 split candidates" (table 1 of the
+/// paper).
 constexpr int kPlanes = 32;
 
 using References = std::span<std::uint32_t>;
@@ -21,7 +21,7 @@ Vec3d xyz(const Float4& v) { return Vec3d(Vec3f{v.x, v.y, v.z}); }
 
 Bounds3d box_of(const HostPrimitives& p, std::uint32_t i) { return {xyz(p.box_lo[i]), xyz(p.box_hi[i])}; }
 
-/// The objects of some primitives: the first two met, and how many, 3 standing for more.
+/// The objects of some primitives: the first two found, and how many; 3 for more.
 ObjectSet objects_of(const HostPrimitives& p, References references) {
   ObjectSet set{{0, 0}, 1};
   if (p.objects.empty()) return set;
@@ -95,7 +95,7 @@ struct Part {
   double cost() const { return box.surface_area() * area; }
 };
 
-/// The plane of least C(b, c), equation 1; none where no candidate has something on both sides.
+/// The plane of least C(b, c), equation 1; none where every candidate leaves a side empty.
 std::optional<Plane> cheapest_plane(const HostPrimitives& p, References references, const Bounds3d& box) {
   std::optional<Plane> best;
   double least = std::numeric_limits<double>::infinity();
@@ -103,7 +103,7 @@ std::optional<Plane> cheapest_plane(const HostPrimitives& p, References referenc
     std::array<double, kPlanes> planes{};
     for (int k = 0; k < kPlanes; ++k)
       planes[static_cast<std::size_t>(k)] = box.lo[axis] + box.extent()[axis] * (k + 1) / (kPlanes + 1);
-    // What lies between two planes; a plane then has below it all parts before it.
+    // Part k lies between planes k - 1 and k.
     std::array<Part, kPlanes + 1> parts;
     for (const std::uint32_t i : references) {
       const Bounds3d own = box_of(p, i);
@@ -122,14 +122,14 @@ std::optional<Plane> cheapest_plane(const HostPrimitives& p, References referenc
   return best;
 }
 
-/// Puts what goes left first, in order; how many do.
+/// Moves the references that go left to the front, keeping the order; returns their number.
 std::uint32_t split_by(References references, const GoesLeft& goes_left) {
   return static_cast<std::uint32_t>(std::stable_partition(references.begin(), references.end(), goes_left) -
                                     references.begin());
 }
 
-/// The first of these that leaves nothing empty: one of exactly two objects from the other; as `request`
-/// says; the partition's rule; the spatial median; halves.
+/// Tries, until neither side is empty: by object where there are exactly two; as requested; the partition's
+/// rule; the spatial median; halves.
 std::uint32_t split_in_two(const Partition& partition, References references, const PartitionNode& node,
                            const SplitRequest& request) {
   const HostPrimitives& p = *partition.host;
@@ -196,7 +196,7 @@ void split_nodes_on_host(Partition& partition, std::vector<std::uint32_t> active
                          const Progress& progress) {
   std::vector<std::uint32_t> references = partition.references.read();
   std::erase_if(active, [&](std::uint32_t n) { return partition.nodes[n].count() < 2; });
-  // Breadth first: `active` grows while it is gone through.
+  // Breadth-first: children are appended to `active`.
   std::size_t done = 0;
   for (std::size_t k = 0; k < active.size(); ++k) {
     split_node(partition, references, {active[k]});

@@ -1,7 +1,7 @@
-// The partition by the host: one core, one primitive after the other, sums in double. It is what
-// `build --partition host` runs, and the oracle of the device's partition: the two share the structs they
-// fill in and no code. They may differ where a primitive's centre lies on a plane, or two candidates cost the
-// same, to within what float rounds.
+// The partition on the host: one core, one primitive after the other, sums in double. It serves
+// PartitionWhere::kHost and is the oracle of the device's partition: the two share structs and no code. They
+// may differ where, within the rounding of float, a primitive's centre lies on a plane or two candidates cost
+// the same.
 #pragma once
 
 #include <functional>
@@ -11,11 +11,11 @@
 
 namespace rbvh {
 
-/// What the host reads of each primitive, in the device's (Morton) order.
+/// The primitives on the host, in the device's (Morton) order.
 struct HostPrimitives {
   std::vector<Float4> box_lo;  ///< w: area
   std::vector<Float4> box_hi, area_normal;
-  std::vector<std::uint32_t> objects;  ///< none where all are of one object
+  std::vector<std::uint32_t> objects;  ///< empty where all are of one object
 };
 
 /// As make_root(), split_nodes() and split_once(), which call these for a partition that has `host`.

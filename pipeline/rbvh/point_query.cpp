@@ -11,12 +11,13 @@ namespace {
 
 /// Points on the device at once.
 constexpr std::size_t kBatch = std::size_t{1} << 20;
-/// A tile reaches no further past its leaf's box than this: RasterConfig's reach, and some room.
-constexpr double kBoundaryTexels = 3;
-/// Surfaces this much farther than the nearest one are others (texels).
+/// A tile extends no further past its leaf's box: its primitives' dilation, and some room.
+constexpr double kBorderTexels = 3;
+/// A surface farther (texels) than the nearest one by this is another one.
 constexpr float kSameSurfaceTexels = 0.5f;
-constexpr float kReachTexels = 4;
-/// What says least still counts where nothing else does.
+/// A point is at most so far from its surface, or `most` where that is more.
+constexpr float kMostTexels = 4;
+/// So that the only tile that covers a point counts at its very end, too.
 constexpr float kLeastWeight = 1e-4f;
 
 /// A texel's side along u, scan units.
@@ -31,10 +32,10 @@ std::vector<RbvhNode> grown_nodes(const Level& level) {
     RbvhNode& node = nodes[i];
     if (node.count != 0) {
       const TileFrame frame(level.leaves[node.first]);
-      const auto rim = static_cast<float>(kBoundaryTexels * std::max(length(frame.u), length(frame.v)));
+      const auto border = static_cast<float>(kBorderTexels * std::max(length(frame.u), length(frame.v)));
       for (int axis = 0; axis < 3; ++axis) {
-        node.lo[axis] -= rim;
-        node.hi[axis] += rim;
+        node.lo[axis] -= border;
+        node.hi[axis] += border;
       }
       continue;
     }
@@ -88,7 +89,8 @@ PointHits query_points(const PointIndex& index, std::span<const Vec3f> points, f
       result.firsts.push_back(result.hits.size() + total);
     }
     if (total > 0xffffffffu)
-      throw Error(ErrorKind::kBudget, "", "the points' radius reaches over 4 billion tiles; make it smaller");
+      throw Error(ErrorKind::kBudget, "",
+                  "there are over 4 billion tiles within the points' radius; make it smaller");
     const std::size_t before = result.hits.size();
     result.hits.resize(before + total);
     if (total == 0) continue;
@@ -103,7 +105,7 @@ std::vector<Covering> covering(const Level& level, std::span<const PointHit> hit
   float nearest = std::numeric_limits<float>::infinity();
   for (const PointHit& hit : hits)
     if (hit.covers != 0 &&
-        std::abs(hit.distance) <= std::max(most, kReachTexels * texel_of(level.leaves[hit.leaf])))
+        std::abs(hit.distance) <= std::max(most, kMostTexels * texel_of(level.leaves[hit.leaf])))
       nearest = std::min(nearest, std::abs(hit.distance));
   std::vector<Covering> result;
   for (const PointHit& hit : hits) {
@@ -111,10 +113,9 @@ std::vector<Covering> covering(const Level& level, std::span<const PointHit> hit
     const RbvhLeaf& leaf = level.leaves[hit.leaf];
     const float room = kSameSurfaceTexels * texel_of(leaf), farther = std::abs(hit.distance) - nearest;
     if (!(farther < room)) continue;
-    // To the rectangle's rim, and to where its surface ends.
-    const float rim = std::min({hit.u, hit.v, static_cast<float>(leaf.width - 1) - hit.u,
-                                static_cast<float>(leaf.height - 1) - hit.v, 1.0f});
-    const float weight = std::max(kLeastWeight, rim * (1 - farther / room));
+    const float to_border = std::min({hit.u, hit.v, static_cast<float>(leaf.width - 1) - hit.u,
+                                      static_cast<float>(leaf.height - 1) - hit.v, 1.0f});
+    const float weight = std::max(kLeastWeight, to_border * (1 - farther / room));
     result.push_back({hit.leaf, hit.u, hit.v, hit.distance, weight});
   }
   return result;

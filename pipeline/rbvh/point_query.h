@@ -1,5 +1,5 @@
-// From points in space to the texels that stand for them (section 5 of the paper), and from texels to values:
-// what reads and writes a level's layers go by.
+// From points in space to the tiles that cover them (section 5 of the paper), for reading and writing a
+// level's layers.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@
 
 namespace rbvh {
 
-/// A level on the device, to be asked about points.
+/// A level on the device, for point queries.
 struct PointIndex {
   Device device;
-  Buffer<RbvhNode> nodes;  ///< boxes grown so that the tiles' rims lie inside
+  Buffer<RbvhNode> nodes;  ///< boxes grown so that they contain the tiles' borders
   Buffer<RbvhLeaf> leaves;
   Buffer<std::uint16_t> heights;
   Buffer<std::uint32_t> exact_first;
@@ -41,14 +41,14 @@ struct PointHits {
 /// with a radius (scan units) also every leaf within that. A point that is not finite has none.
 PointHits query_points(const PointIndex& index, std::span<const Vec3f> points, float radius = 0);
 
-/// A leaf that covers a point, and how much it has to say: weights fall to 0 where a tile's texels end and
-/// where its surface is farther than another's, so that what is read does not jump from tile to tile.
+/// A leaf that covers a point, and its weight in the mean of several: it falls to 0 where a tile's texels end
+/// and where its surface is farther than another's, so that values do not jump from tile to tile.
 struct Covering {
   std::uint32_t leaf = 0;
   float u = 0, v = 0, distance = 0, weight = 0;
 };
 
-/// Of one point's hits those that lie within `most` (scan units, or 4 texels if that is more) of their
+/// Those of one point's hits that lie within `most` (scan units, or 4 texels if that is more) of their
 /// surface and within half a texel of the nearest. Any point on the surface has one.
 std::vector<Covering> covering(const Level& level, std::span<const PointHit> hits, float most);
 

@@ -11,10 +11,10 @@
 namespace rbvh {
 namespace {
 
-/// Texels of Q0, whatever levels are built (each is the same alone and among others): slopes that so few of
-/// them in one patch could not show are noise.
+/// Slopes within a patch of fewer texels are noise. Texels of Q0, so that a level does not depend on which
+/// others are built.
 constexpr double kPatchTexels = 2;
-/// Primitives in a row that are looked through for patches.
+/// Consecutive primitives that are searched for patches.
 constexpr std::uint32_t kWindow = 64;
 
 template <class T>

@@ -1,5 +1,7 @@
 #include "pipeline/rbvh/rbvh.h"
 
+#include "pipeline/rbvh/texel.h"
+
 namespace rbvh {
 
 const Level* Rbvh::find_level(const std::string& wanted) const {
@@ -9,10 +11,27 @@ const Level* Rbvh::find_level(const std::string& wanted) const {
   return nullptr;
 }
 
+LayerKind layer_kind(std::string_view name) {
+  if (name == "height") return LayerKind::kHeight;
+  if (name == "normal") return LayerKind::kNormal;
+  return name == "color" ? LayerKind::kColor : LayerKind::kUser;
+}
+
 const Layer* find_layer(const Level& level, std::string_view name) {
   for (const Layer& layer : level.layers)
     if (layer.name == name) return &layer;
   return nullptr;
+}
+
+double texel_side(const Level& level) {
+  double sides = 0, texels = 0;
+  for (const RbvhLeaf& leaf : level.leaves) {
+    const TileFrame frame(leaf);
+    const double count = static_cast<double>(leaf.width) * leaf.height;
+    sides += count * (length(frame.u) + length(frame.v)) / 2;
+    texels += count;
+  }
+  return texels > 0 ? sides / texels : 0;
 }
 
 }  // namespace rbvh

@@ -13,6 +13,10 @@
 
 namespace rbvh {
 
+/// Layers are told apart by name; those that are not standard are a user's own.
+enum class LayerKind { kHeight, kNormal, kColor, kUser };
+LayerKind layer_kind(std::string_view name);
+
 /// Where a leaf's tile lies in a layer's own atlas.
 struct LayerTile {
   std::uint16_t x = 0, y = 0;           ///< first texel
@@ -23,7 +27,7 @@ struct LayerTile {
 /// "height": 1 channel, w of RbvhLeaf, 0: empty.
 /// "normal": 1 channel, world-space unit normal, octahedral, 8 bits a coordinate (x low byte, y high byte).
 /// "color": 1 channel, red 5 bits, green 6, blue 5 (from the top), sRGB.
-/// Any other: a user's values, 1..65535 evenly over [lo, hi], 0: no value there.
+/// Any other: a user's values, 1..65535 evenly over [lo, hi], 0: no value.
 struct Layer {
   std::string name;
   std::uint32_t channels = 1;
@@ -35,8 +39,8 @@ struct Layer {
   std::vector<LayerTile> tiles{};
 };
 
-/// More of what was measured, over all views (format 1.2). dt and surface distances are fractions of the
-/// scan's diagonal. `control`: the exact tracer with other rays in its pixels, against itself.
+/// Further measures over all views (format 1.2). dt and surface distances are fractions of the scan's
+/// diagonal. `control`: the exact tracer against itself with rays elsewhere in its pixels.
 struct LevelMeasures {
   float silhouette_percent = 0;                          ///< of the mask's mismatches, within 1 pixel of it
   float p999_dt = 0;                                     ///< beside LevelFidelity's median and p99
@@ -65,19 +69,22 @@ struct Level {
   Bounds3f bounds;        ///< of all tiles
   std::vector<RbvhNode> nodes;
   std::vector<RbvhLeaf> leaves;
-  std::vector<RbvhExactLeaf> exact_leaves;  ///< those that keep their primitives, by leaf
+  std::vector<RbvhExactLeaf> exact_leaves;  ///< those that fall back to exact primitives, by leaf
   std::vector<RbvhPrimitive> exact_primitives;
-  bool exact_discs = false;  ///< what those are; else triangles
+  bool exact_discs = false;  ///< the primitives are discs, else triangles
   std::uint32_t atlas_width = 0, atlas_height = 0;
   std::vector<Layer> layers;      ///< height first
   std::uint64_t texels_used = 0;  ///< texels with a surface
   LevelFidelity fidelity{};
-  std::string derived_from;        ///< the level whose surface it was made of; empty: the scan's
+  std::string derived_from;        ///< the level from whose surface it was built; empty: the scan's
   std::uint64_t stored_bytes = 0;  ///< its share of the pair it was read from: nodes, leaves, layers
 };
 
 /// The layer of that name, or nullptr.
 const Layer* find_layer(const Level& level, std::string_view name);
+
+/// The level's mean texel side in scan units.
+double texel_side(const Level& level);
 
 /// Width and height of the atlas that holds the layer's texels.
 inline std::array<std::uint32_t, 2> atlas_size(const Level& level, const Layer& layer) {

@@ -1,4 +1,4 @@
-// A tile's texels by themselves: where they are in space, and what their 16 bits say (docs/file_format.md).
+// A tile's texels: their places in space, and the meaning of their 16 bits (docs/file_format.md).
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace rbvh {
 
-/// From tile space to the point it stands for: the inverse of RbvhLeaf::to_tile, whose rows are orthogonal.
+/// From tile space to scan space: the inverse of RbvhLeaf::to_tile, whose rows are orthogonal.
 /// `u`, `v`: one texel on; `w`: one quantum up; scan units.
 struct TileFrame {
   Vec3d origin, u, v, w;

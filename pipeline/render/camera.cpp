@@ -37,7 +37,7 @@ Frame frame_of(Vec3d back, Vec3d view_up) {
   const Vec3d right = cross(view_up, back);
   if (!(far > 0)) refuse("the camera's position is its focal point; move one of them");
   if (!(length(right) > 1e-9 * far * length(view_up)))
-    refuse("the camera looks along its view up; give another --camera-view-up");
+    throw Error(ErrorKind::kUsage, "", "the camera looks along its view up", Remedy::kViewUp);
   Frame frame{normalized(back), normalized(right), {}};
   frame.up = cross(frame.back, frame.right);
   return frame;
@@ -174,14 +174,6 @@ CameraRays camera_rays(const Camera& camera, std::uint32_t width, std::uint32_t 
     rays.up[axis] = static_cast<float>(-up[axis] * pixel);
   }
   return rays;
-}
-
-Vec3f pixel_direction(const CameraRays& rays, std::uint32_t x, std::uint32_t y) {
-  const float px = static_cast<float>(x) + rays.offset_x, py = static_cast<float>(y) + rays.offset_y;
-  Vec3f d;
-  for (int axis = 0; axis < 3; ++axis)
-    d[axis] = rays.corner[axis] + rays.right[axis] * px + rays.up[axis] * py;
-  return normalized(d);
 }
 
 }  // namespace rbvh

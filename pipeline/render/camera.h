@@ -7,6 +7,7 @@
 
 #include "kernels/common/layout.h"
 #include "pipeline/base/vec.h"
+#include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
 
@@ -42,8 +43,5 @@ std::vector<Camera> views_around(const Bounds3d& bounds, Vec3d up_axis, int coun
 /// The rays of an image. The offsets say where in the pixel a ray passes; 0.5 is the centre.
 CameraRays camera_rays(const Camera& camera, std::uint32_t width, std::uint32_t height, double offset_x = 0.5,
                        double offset_y = 0.5);
-
-/// The unit direction of one pixel's ray, as the kernels compute it.
-Vec3f pixel_direction(const CameraRays& rays, std::uint32_t x, std::uint32_t y);
 
 }  // namespace rbvh

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/base/srgb.h"
+
 namespace rbvh {
 
 /// Floats, row by row from the top left, channels interleaved.
@@ -27,9 +29,5 @@ struct Image {
 /// Zeroed.
 Image make_image(Image::Kind kind, std::uint32_t width, std::uint32_t height,
                  std::vector<std::string> channels);
-
-/// One channel value between linear light and sRGB's curve, both in [0, 1].
-float linear_to_srgb(float linear);
-float srgb_to_linear(float srgb);
 
 }  // namespace rbvh

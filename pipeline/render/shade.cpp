@@ -70,43 +70,6 @@ Vec3f light(Vec3f albedo, Vec3f normal, Vec3f view, const Lights& lights) {
          sky * (kBoundary * away * away * away) + kKey * gloss;
 }
 
-const std::array<float, 256>& srgb_table() {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> t{};
-    for (std::size_t i = 0; i < 256; ++i) t[i] = srgb_to_linear(static_cast<float>(i) / 255);
-    return t;
-  }();
-  return table;
-}
-
-Vec3f linear_color(const Color8& c) { return {srgb_table()[c[0]], srgb_table()[c[1]], srgb_table()[c[2]]}; }
-
-Vec3f unpack_color(std::uint16_t packed) {
-  const Vec3f c = unpack_srgb(packed);
-  return {srgb_to_linear(c.x), srgb_to_linear(c.y), srgb_to_linear(c.z)};
-}
-
-// A hit's four texels in the atlas and how much each counts; those without a surface count nothing.
-struct Footprint {
-  std::array<std::size_t, 4> texels{};
-  std::array<float, 4> weights{};
-};
-Footprint footprint(const Level& level, const std::vector<std::uint16_t>& heights, const Hit& hit) {
-  const RbvhLeaf& leaf = level.leaves[hit.leaf];
-  const float u = std::clamp(hit.u, 0.f, 1.f) * static_cast<float>(leaf.width - 1);
-  const float v = std::clamp(hit.v, 0.f, 1.f) * static_cast<float>(leaf.height - 1);
-  const std::size_t x = std::min(static_cast<std::size_t>(u), std::size_t{leaf.width} - 2);
-  const std::size_t y = std::min(static_cast<std::size_t>(v), std::size_t{leaf.height} - 2);
-  const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
-  Footprint f;
-  f.weights = {(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv};
-  for (std::size_t i = 0; i < 4; ++i) {
-    f.texels[i] = (leaf.y + y + i / 2) * level.atlas_width + leaf.x + x + i % 2;
-    if (heights[f.texels[i]] == 0) f.weights[i] = 0;
-  }
-  return f;
-}
-
 // Fully saturated, well apart for neighbouring numbers.
 Vec3f distinct_color(std::uint32_t n) {
   n = (n ^ (n >> 16)) * 0x7feb352du;
@@ -143,67 +106,6 @@ std::optional<Aov> find_aov(std::string_view name) {
   for (const auto& [known, aov] : kNames)
     if (name == known) return aov;
   return std::nullopt;
-}
-
-std::vector<Vec3f> shading_normals(const Scan& scan) {
-  return scan.normals.empty() ? vertex_normals(scan) : scan.normals;
-}
-
-SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, std::span<const Hit> hits) {
-  SurfaceSamples samples;
-  samples.normals.resize(hits.size());
-  const bool has_colors = !scan.colors.empty();
-  if (has_colors) samples.colors.resize(hits.size());
-  parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Hit& hit = hits[i];
-      if (!is_hit(hit)) continue;
-      // A disc is a triangle with one corner that counts.
-      Triangle corners{hit.leaf, hit.leaf, hit.leaf};
-      if (!scan.is_cloud()) corners = scan.triangles[hit.leaf];
-      const float weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
-      Vec3f normal{}, color{};
-      for (std::size_t k = 0; k < 3; ++k) {
-        normal = normal + normals[corners[k]] * weights[k];
-        if (has_colors) color = color + linear_color(scan.colors[corners[k]]) * weights[k];
-      }
-      normal = normalized(normal);
-      samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
-      if (has_colors) samples.colors[i] = color;
-    }
-  });
-  return samples;
-}
-
-SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
-  const Layer *heights = find_layer(level, "height"), *normals = find_layer(level, "normal"),
-              *colors = find_layer(level, "color");
-  RBVH_CHECK(heights != nullptr);
-  SurfaceSamples samples;
-  samples.normals.resize(hits.size());
-  if (colors) samples.colors.resize(hits.size());
-  parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Hit& hit = hits[i];
-      if (!is_hit(hit)) continue;
-      const Footprint f = footprint(level, heights->texels, hit);
-      Vec3f normal{}, color{};
-      float weight = 0;
-      for (std::size_t k = 0; k < 4; ++k) {
-        if (!(f.weights[k] > 0)) continue;
-        weight += f.weights[k];
-        if (normals) normal = normal + unpack_normal(normals->texels[f.texels[k]]) * f.weights[k];
-        if (colors) color = color + unpack_color(colors->texels[f.texels[k]]) * f.weights[k];
-      }
-      normal = normalized(normal);
-      // A leaf that keeps its primitives may have some that its texels do not show.
-      const Vec3f geometric = array3(hit.normal);
-      const bool fits = (hit.flags & RBVH_HIT_TRIANGLE_LEAF) == 0 || dot(normal, geometric) > 0.5f;
-      samples.normals[i] = dot(normal, normal) > 0.5f && fits ? normal : geometric;
-      if (colors) samples.colors[i] = weight > 0 ? color * (1 / weight) : kClay;
-    }
-  });
-  return samples;
 }
 
 std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width, float lo, float hi) {

@@ -65,8 +65,8 @@ bool same_attributes(const Scan& scan, std::uint32_t a, std::uint32_t b) {
   return true;
 }
 
-/// The corners turned so that the smallest index comes first.
-Triangle turned(Triangle t) {
+/// The corners rotated so that the smallest index comes first.
+Triangle rotated(Triangle t) {
   if (t[0] <= t[1] && t[0] <= t[2]) return t;
   return t[1] <= t[2] ? Triangle{t[1], t[2], t[0]} : Triangle{t[2], t[0], t[1]};
 }
@@ -114,11 +114,11 @@ void drop_faces(Scan& scan, CleanCounts& counts) {
   const std::vector<std::uint32_t> first = first_equal(
       scan.triangles.size(),
       [&](std::uint32_t i) {
-        const Triangle t = turned(scan.triangles[i]);
+        const Triangle t = rotated(scan.triangles[i]);
         return mix(mix(mix(t[0], t[1]), t[2]), static_cast<std::uint64_t>(id(i)));
       },
       [&](std::uint32_t a, std::uint32_t b) {
-        return turned(scan.triangles[a]) == turned(scan.triangles[b]) && id(a) == id(b);
+        return rotated(scan.triangles[a]) == rotated(scan.triangles[b]) && id(a) == id(b);
       });
   keep.resize(first.size());
   for (std::uint32_t i = 0; i < first.size(); ++i) {

@@ -1,4 +1,4 @@
-// Taking elements out of a scan while all its arrays stay in step.
+// Removes elements from all arrays of a scan.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace rbvh {
 
-/// Keeps the vertices with a non-zero `keep`, in their order. Triangles that lose a corner go too. Returns
-/// the number of triangles that went.
+/// Keeps the vertices with a non-zero `keep`, in their order. Triangles that lose a corner are removed
+/// too; returns their number.
 std::size_t keep_vertices(Scan& scan, std::span<const std::uint8_t> keep);
 
 /// Keeps the triangles with a non-zero `keep`, in their order.

@@ -16,7 +16,7 @@ struct CloudConfig {
       viewpoint;  ///< where the sensor stood, in the scan's (shifted) coordinates; overrides the file's
 };
 
-/// What was done.
+/// Numbers of completed points.
 struct CloudCounts {
   std::size_t normals_estimated = 0;
   std::size_t normals_by_viewpoint =
@@ -25,8 +25,8 @@ struct CloudCounts {
 };
 
 /// Normals and radii that are there and usable stay. Points that are not finite get a zero normal and radius.
-/// A viewpoint of a file that is only the default one is believed if the points can have been seen from
-/// there. Deterministic for any number of threads. Does nothing to a mesh.
+/// A file's viewpoint that is the default one is used only if the points can have been seen from there.
+/// Deterministic for any number of threads. Does nothing to a mesh.
 CloudCounts complete_cloud(Scan& scan, const CloudConfig& config, const Progress& progress = {});
 
 }  // namespace rbvh

@@ -1,4 +1,4 @@
-// Specks: connected parts of a scan that are much smaller than the rest.
+// Removes connected components of a scan that are much smaller than the rest.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace rbvh {
 
-/// What went.
+/// Removed elements.
 struct ComponentCounts {
   std::size_t components = 0;
   std::size_t vertices = 0;

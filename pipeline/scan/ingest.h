@@ -18,18 +18,18 @@ struct Outliers {
   double sigma = 2;
 };
 
-/// By default nothing is changed that can be seen.
+/// By default nothing visible is changed.
 struct IngestConfig {
   std::optional<Outliers> outliers = std::nullopt;  ///< remove them
   double voxel = 0;            ///< > 0: thin a cloud to one point a voxel of this side, scan units
   double min_component = 0;    ///< > 0: remove components with less than this fraction of all faces (points)
   std::size_t normals_k = 16;  ///< neighbours from which a cloud's normals and radii are estimated
-  bool recompute_normals = false;  ///< of a cloud, also where the file has them
-  bool flip_normals = false;       ///< turn all normals, and the faces of a mesh, to the other side
+  bool recompute_normals = false;                 ///< of a cloud, also where the file has them
+  bool flip_normals = false;                      ///< reverse all normals, and the winding of a mesh's faces
   std::optional<Vec3d> viewpoint = std::nullopt;  ///< where the sensor stood, in the coordinates of the input
 };
 
-/// Counts of what was there, what went and what was added.
+/// Counts of elements read, removed and added.
 struct IngestReport {
   std::size_t vertices_in = 0, faces_in = 0;
   CleanCounts cleaned;
@@ -47,7 +47,7 @@ Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, 
             const Progress& progress = {});
 
 /// Throws Error(kInput) when the scan has no finite position or all of them are equal. Every stage that takes
-/// scans asks.
+/// scans calls this.
 void check_usable(const Scan& scan, const std::string& file);
 
 }  // namespace rbvh

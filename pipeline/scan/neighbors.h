@@ -1,5 +1,5 @@
-// Each point's nearest neighbours, by FLANN's kd-tree: what normals, orientation, disc radii and outliers are
-// told from.
+// Each point's nearest neighbours, by FLANN's kd-tree: normals, orientation, disc radii and outliers are
+// computed from them.
 #pragma once
 
 #include <cstdint>
@@ -25,8 +25,8 @@ struct Neighbors {
 
 /// The k nearest of each point (all others, where there are fewer). Where those lie along a line or fill a
 /// volume, twice or four times as many, so that they span a surface: scanners sample one direction far denser
-/// than the other, quantise depth into layers, and see into trees. Only every `step`-th point is asked; the
-/// others get none. All positions must be finite. Up to 16 k bytes a point. The same for any number of
+/// than the other, quantise depth into layers, and see into trees. Only every `step`-th point is queried;
+/// the others get none. All positions must be finite. Up to 16 k bytes a point. The same for any number of
 /// threads.
 Neighbors find_neighbors(std::span<const Vec3f> points, std::size_t k, const Progress& progress = {},
                          std::size_t step = 1);

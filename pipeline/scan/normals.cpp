@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kGrain = 4096;
 /// Edges of the graph a point: spread over its neighbours, so that scan lines far apart are joined too.
 constexpr std::size_t kEdges = 8;
-/// Weights of edges in turn(); those that lead off a plane begin at the first.
+/// Weights of edges in transport(); those that lead off a plane begin at the first.
 constexpr std::size_t kOffPlaneWeight = 512, kWeights = 2 * kOffPlaneWeight;
 /// Squared sine of the angle between an edge and a plane from which on it leads off the plane.
 constexpr float kOffPlane = 0.25f;
@@ -72,16 +72,16 @@ void for_edges(const Neighbors& neighbors, std::size_t begin, std::size_t end, V
   }
 }
 
-/// How an edge carries a normal over.
-struct Turn {
+/// A normal transported along an edge, against the normal there.
+struct Transport {
   bool opposite = false;   ///< the two normals point to different sides
   std::size_t weight = 0;  ///< less: more certain
 };
 
-/// Along the surface it turns like a circle's arc: the normal that continues `n_from` is its mirror image in
-/// the plane halfway. Edges that lead off both points' planes, to another sheet or another return of the same
-/// pulse, come last and leave the normal as it is.
-Turn turn(Vec3f from, Vec3f to, Vec3f n_from, Vec3f n_to) {
+/// Along the surface a normal changes as on a circular arc: the normal that continues `n_from` is its mirror
+/// image in the plane halfway. Edges that lead off both points' planes, to another sheet or another return of
+/// the same pulse, come last and leave the normal as it is.
+Transport transport(Vec3f from, Vec3f to, Vec3f n_from, Vec3f n_to) {
   constexpr float kHalf = static_cast<float>(kOffPlaneWeight - 1);
   const Vec3f d = to - from;
   const float squared = dot(d, d), off_from = dot(d, n_from), off_to = dot(d, n_to);
@@ -96,7 +96,7 @@ Turn turn(Vec3f from, Vec3f to, Vec3f n_from, Vec3f n_to) {
 std::vector<Edge> sorted_edges(std::span<const Vec3f> points, const Neighbors& neighbors,
                                std::span<const Vec3f> normals) {
   const auto weight_of = [&](std::uint32_t a, std::uint32_t b) {
-    return turn(points[a], points[b], normals[a], normals[b]).weight;
+    return transport(points[a], points[b], normals[a], normals[b]).weight;
   };
   std::vector<std::size_t> place(kWeights + 1, 0);
   for_edges(neighbors, 0, points.size(),
@@ -125,7 +125,7 @@ void propagate_orientation(std::span<const Vec3f> points, const Neighbors& neigh
   ParitySets sets(points.size());
   for (const Edge& edge : sorted_edges(points, neighbors, normals))
     sets.join(edge.from, edge.to,
-              turn(points[edge.from], points[edge.to], normals[edge.from], normals[edge.to]).opposite);
+              transport(points[edge.from], points[edge.to], normals[edge.from], normals[edge.to]).opposite);
 
   // The sum of n_z times the height above the lowest point is a closed surface's volume, positive when its
   // normals face outwards; over a terrain it is positive when they face up. The square lets the top count
@@ -150,8 +150,8 @@ void propagate_orientation(std::span<const Vec3f> points, const Neighbors& neigh
   for (std::uint32_t i = 0; i < points.size(); ++i) {
     const auto [root, flipped] = sets.find(i);
     const Vote& vote = votes[root];
-    const bool turn_tree = vote.fixed != 0 ? vote.fixed < 0 : vote.outward < 0;
-    if (flipped != turn_tree && !fixed[i]) normals[i] = -normals[i];
+    const bool flip_tree = vote.fixed != 0 ? vote.fixed < 0 : vote.outward < 0;
+    if (flipped != flip_tree && !fixed[i]) normals[i] = -normals[i];
   }
 }
 

@@ -11,7 +11,7 @@ namespace rbvh {
 
 struct PrincipalComponents {
   std::array<double, 3> variances{};  ///< ascending
-  Vec3d normal{0, 0, 1};              ///< unit, along the least variance; its sign means nothing
+  Vec3d normal{0, 0, 1};              ///< unit, along the least variance; its sign is arbitrary
 };
 
 /// Of the point `self` and `others`, indices into `points`. Points on a line get some normal across it, equal

@@ -1,4 +1,4 @@
-// The discs around points in a plane cover it when each reaches the farthest corner of its point's Voronoi
+// The discs around points in a plane cover it when each extends to the farthest corner of its point's Voronoi
 // cell. So every point's cell is cut out of its tangent plane by its neighbours:
 //
 //      o     o          cell of x: the half-planes nearer to x than to each o;
@@ -21,11 +21,11 @@ constexpr std::size_t kGrain = 4096;
 /// Corners further off than this many spacings are the edge of the scan or a real gap. Among points strewn at
 /// random one corner in a million is.
 constexpr double kGap = 2.5;
-/// No disc is larger than this many times the median of its neighbours': a stray point shall not become a
+/// No disc is larger than this many times the median of its neighbours': a stray point must not become a
 /// plate.
 constexpr float kLargest = 3;
 /// Discs of a curved or noisy surface are tilted against each other, which opens slits between those that
-/// just meet.
+/// just touch.
 constexpr double kOverlap = 1.1;
 /// Discs at which a cloud's area is measured, and neighbours of each.
 constexpr std::size_t kSamples = 20000, kSampleNeighbors = 24;
@@ -39,11 +39,11 @@ class Cell {
  public:
   /// Begins as a regular polygon around a circle of the given radius, of the same area.
   explicit Cell(double radius) {
-    const double turn = 2 * std::numbers::pi / kSides;
-    const double reach = radius * std::sqrt(turn / std::sin(turn));
+    const double angle = 2 * std::numbers::pi / kSides;
+    const double circumradius = radius * std::sqrt(angle / std::sin(angle));
     for (std::size_t i = 0; i < kSides; ++i)
-      corners_[i] = {reach * std::cos(turn * static_cast<double>(i)),
-                     reach * std::sin(turn * static_cast<double>(i))};
+      corners_[i] = {circumradius * std::cos(angle * static_cast<double>(i)),
+                     circumradius * std::sin(angle * static_cast<double>(i))};
   }
 
   /// Keeps what is nearer to the origin than to `other`.

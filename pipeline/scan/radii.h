@@ -1,4 +1,4 @@
-// How large the discs of a cloud must be to leave no hole, and what area they stand for.
+// The radii of a cloud's discs that leave no hole, and the area that the discs represent.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ std::vector<float> estimate_radii(std::span<const Vec3f> points, std::span<const
 /// without a radius count nothing.
 double surface_area(const Scan& scan);
 
-/// What the discs' radii are multiplied with to get spacings, whose squares sum up to the surface_area():
+/// The factor from the discs' radii to spacings whose squares sum up to the surface_area():
 /// about 1.3 on a square grid, 0.9 among points strewn at random. 1 without discs.
 double spacing_per_radius(const Scan& scan);
 

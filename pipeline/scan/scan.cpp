@@ -52,4 +52,11 @@ Scan shift_to_float(RawScan&& raw) {
   return scan;
 }
 
+void move_to_shift(Scan& scan, const Vec3d& shift) {
+  if (scan.shift == shift) return;
+  const Vec3d difference = scan.shift - shift;
+  for (Vec3f& p : scan.positions) p = Vec3f(Vec3d(p) + difference);
+  scan.shift = shift;
+}
+
 }  // namespace rbvh

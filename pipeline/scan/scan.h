@@ -63,4 +63,8 @@ Bounds3f bounds(const Scan& scan);
 /// finite positions. The shift is the bounds' centre rounded to whole units, so that it prints exactly.
 Scan shift_to_float(RawScan&& raw);
 
+/// Into the coordinates of another shift: an ingested scan's own may differ from that of the file it came
+/// from.
+void move_to_shift(Scan& scan, const Vec3d& shift);
+
 }  // namespace rbvh

@@ -1,5 +1,4 @@
-// Several objects at once: scans, levels of pairs, and proxies, each as often and wherever instances place
-// it.
+// A scene of several objects: scans, levels of file pairs, and proxies, placed by instances.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +40,7 @@ std::size_t leaf_count(const SceneObject& object);
 /// 2^32.
 std::vector<std::uint32_t> first_leaves(const Scene& scene);
 
-/// Of all instances' boxes.
+/// The box around all instances.
 Bounds3f bounds(const Scene& scene);
 
 }  // namespace rbvh

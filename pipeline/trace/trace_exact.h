@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "kernels/bvh/bvh_layout.h"
@@ -11,7 +12,7 @@
 #include "pipeline/bvh/exact_methods.h"
 #include "pipeline/device/device.h"
 #include "pipeline/scan/scan.h"
-#include "pipeline/trace/trace_tile.h"
+#include "pipeline/trace/tracer.h"
 
 namespace rbvh {
 
@@ -21,8 +22,7 @@ struct ExactConfig {
 };
 
 /// A scan in the traversal's own layout. Cheap to copy.
-struct ExactTracer {
-  Device device;
+struct ExactTracer final : Tracer {
   std::string kernel, options;  ///< file, and -D words
   BvhRoot scene{};
   Buffer<std::uint32_t> nodes, primitives;  ///< the kernel's own structs
@@ -33,7 +33,21 @@ struct ExactTracer {
   std::size_t primitive_bytes() const {
     return (primitives.size() + references.size()) * sizeof(std::uint32_t);
   }
-  std::size_t bytes() const { return node_bytes() + primitive_bytes(); }
+
+  const Scan* scan = nullptr;
+  mutable std::shared_ptr<const std::vector<Vec3f>> normals;  ///< for shading, made when first wanted
+
+  using Tracer::Tracer;
+  /// Hit.leaf is the triangle's or point's index in the scan; of several at the same t the lowest. A
+  /// triangle's u and v weigh its second and third vertex. `steps` counts nodes and primitives (wide16:
+  /// blocks of them).
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  /// In packets `steps` are what the ray's packet visited.
+  void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  std::uint64_t memory() const override { return node_bytes() + primitive_bytes(); }
 };
 
 /// Seconds by phase, and how good the tree is.
@@ -47,17 +61,6 @@ struct ExactTimings {
 /// the device cannot hold it.
 ExactTracer make_exact_tracer(const Device& device, const Scan& scan, const ExactConfig& config = {},
                               ExactTimings* timings = nullptr);
-
-/// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]. Hit.leaf is the triangle's or
-/// point's index in the scan; of several at the same t the lowest. A triangle's u and v weigh its second and
-/// third vertex. `steps`, where given, gets the nodes and primitives (wide16: blocks of them) visited per
-/// ray.
-void trace_rays(const ExactTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
-
-/// Primary rays of a camera: hits row by row. In packets `steps` are what the ray's packet visited.
-void trace_camera(const ExactTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps = nullptr);
 
 /// What `count` rays visit on average.
 struct ExactVisits {

@@ -6,8 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/measure/surface_distance.h"
-#include "pipeline/render/camera.h"
+#include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
 namespace {
@@ -37,23 +36,15 @@ struct Cast {
 
 Cast cast(const TileTracer& tracer, std::span<const Ray> rays, RayQuery query, bool count_steps) {
   Cast result;
-  if (rays.empty()) return result;
-  const Buffer<Ray> device_rays(tracer.device, rays);
-  const Buffer<Hit> hits(tracer.device, rays.size());
-  const Buffer<std::uint32_t> steps(tracer.device, count_steps ? rays.size() : 1);
-  trace_rays(tracer, device_rays, hits, rays.size(), query, count_steps ? &steps : nullptr);
-  result.hits = hits.read();
-  if (count_steps) result.steps = steps.read();
+  if (!rays.empty()) result.hits = intersect(tracer, rays, query, count_steps ? &result.steps : nullptr);
   return result;
 }
 
 /// All of a camera's rays at one level: in packets where the device does that.
 Cast cast(const TileTracer& tracer, const CameraRays& camera, bool count_steps) {
-  const std::size_t count = std::size_t{camera.width} * camera.height;
-  const Buffer<Hit> hits(tracer.device, count);
-  const Buffer<std::uint32_t> steps(tracer.device, count_steps ? count : 1);
-  trace_camera(tracer, camera, hits, count_steps ? &steps : nullptr);
-  return {hits.read(), count_steps ? steps.read() : std::vector<std::uint32_t>()};
+  Cast result;
+  result.hits = intersect(tracer, camera, count_steps ? &result.steps : nullptr);
+  return result;
 }
 
 /// `camera`: whose rays these are, or nullptr.
@@ -110,8 +101,8 @@ void store(const Cast& cast, Buffer<Hit> hits, const Buffer<std::uint32_t>* step
 }  // namespace
 
 FootprintTracer make_footprint_tracer(const Device& device, const Rbvh& rbvh, float spread) {
-  FootprintTracer tracer{
-      .device = device, .levels = {}, .texels = {}, .first_leaf = {}, .bounds = {}, .spread = spread};
+  FootprintTracer tracer(device);
+  tracer.spread = spread;
   std::uint32_t leaves = 0;
   for (const Level& level : rbvh.levels) {
     tracer.levels.push_back(make_tile_tracer(device, level));
@@ -129,27 +120,51 @@ std::size_t level_for_width(const std::vector<float>& texels, float width) {
   return level;
 }
 
-void trace_rays(const FootprintTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
+void FootprintTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                                RayQuery query, const Buffer<std::uint32_t>* steps) const {
   std::vector<Ray> list(count);
   rays.read(list);
-  store(cast_by_footprint(tracer, list, nullptr, tracer.spread, query, steps != nullptr), hits, steps);
+  store(cast_by_footprint(*this, list, nullptr, spread, query, steps != nullptr), hits, steps);
 }
 
-void trace_camera(const FootprintTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps) {
+void FootprintTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                                const Buffer<std::uint32_t>* steps) const {
   std::vector<Ray> rays;
   rays.reserve(std::size_t{camera.width} * camera.height);
   for (std::uint32_t y = 0; y < camera.height; ++y)
-    for (std::uint32_t x = 0; x < camera.width; ++x) {
-      const Vec3f d = pixel_direction(camera, x, y);
-      rays.push_back({{camera.position[0], camera.position[1], camera.position[2]},
-                      0,
-                      {d.x, d.y, d.z},
-                      std::numeric_limits<float>::max()});
-    }
+    for (std::uint32_t x = 0; x < camera.width; ++x) rays.push_back(pixel_ray(camera, x, y));
   const float pixel = length(Vec3f{camera.right[0], camera.right[1], camera.right[2]});
-  store(cast_by_footprint(tracer, rays, &camera, pixel, RayQuery::kNearest, steps != nullptr), hits, steps);
+  store(cast_by_footprint(*this, rays, &camera, pixel, RayQuery::kNearest, steps != nullptr), hits, steps);
+}
+
+/// Level by level, with the others' hits taken for misses.
+SurfaceSamples FootprintTracer::surface(std::span<const Hit> hits) const {
+  SurfaceSamples all;
+  all.normals.resize(hits.size());
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    std::vector<Hit> own(hits.begin(), hits.end());
+    for (Hit& hit : own) {
+      const bool is_own = hit.leaf != RBVH_NO_LEAF && level_of_leaf(*this, hit.leaf) == i;
+      if (is_own)
+        hit.leaf -= first_leaf[i];
+      else
+        hit.t = std::numeric_limits<float>::infinity();
+    }
+    const SurfaceSamples some = levels[i].surface(own);
+    if (!some.colors.empty()) all.colors.resize(hits.size());
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      if (!std::isfinite(own[k].t)) continue;
+      all.normals[k] = some.normals[k];
+      if (!some.colors.empty()) all.colors[k] = some.colors[k];
+    }
+  }
+  return all;
+}
+
+std::uint64_t FootprintTracer::memory() const {
+  std::uint64_t bytes = 0;
+  for (const TileTracer& level : levels) bytes += level.memory();
+  return bytes;
 }
 
 std::size_t level_of_leaf(const FootprintTracer& tracer, std::uint32_t leaf) {

@@ -11,13 +11,22 @@
 
 namespace rbvh {
 
-struct FootprintTracer {
-  Device device;
+struct FootprintTracer final : Tracer {
   std::vector<TileTracer> levels;         ///< finest first
   std::vector<float> texels;              ///< their mean side, scan units
   std::vector<std::uint32_t> first_leaf;  ///< hits number the leaves of all levels through, finest first
   Bounds3f bounds;                        ///< of all levels
   float spread = 0;  ///< of rays that are not a camera's: their width over their length; 0: the finest level
+
+  using Tracer::Tracer;
+  /// A ray is cast at the coarsest level first, to see how wide it is where it hits, and where that is too
+  /// coarse again.
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  std::uint64_t memory() const override;
 };
 
 FootprintTracer make_footprint_tracer(const Device& device, const Rbvh& rbvh, float spread = 0);
@@ -25,13 +34,6 @@ FootprintTracer make_footprint_tracer(const Device& device, const Rbvh& rbvh, fl
 /// The coarsest level whose texels are no wider than `width`, the finest where none is. `texels`: finest
 /// first.
 std::size_t level_for_width(const std::vector<float>& texels, float width);
-
-/// As the functions of that name for one level; a ray is cast at the coarsest level first, to see how wide it
-/// is where it hits, and where that is too coarse again.
-void trace_rays(const FootprintTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
-void trace_camera(const FootprintTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps = nullptr);
 
 /// Which level a hit's leaf belongs to.
 std::size_t level_of_leaf(const FootprintTracer& tracer, std::uint32_t leaf);

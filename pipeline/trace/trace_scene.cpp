@@ -2,19 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <optional>
-#include <variant>
 
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/wide_bvh.h"
-#include "pipeline/device/radix_sort.h"
+#include "pipeline/trace/ray_queue.h"
 
 namespace rbvh {
 
 struct SceneTracerState {
-  std::vector<std::variant<TileTracer, ExactTracer>> tracers;  ///< one for each object that is no proxy
+  const Scene* scene = nullptr;
+  std::vector<std::uint32_t> first_leaf;         ///< of each instance, and the number of all
+  std::vector<std::uint32_t> number;             ///< of each object among the tracers, or among the proxies
+  std::vector<std::unique_ptr<Tracer>> tracers;  ///< one for each object that is no proxy
   std::optional<PatchTracer> proxies;
   double pixels = 1;
 
@@ -25,21 +26,18 @@ struct SceneTracerState {
   Buffer<WideNode> nodes;
   Buffer<ScenePlacement> placements;
 
-  // Scratch, for as many rays as the largest batch so far.
-  std::size_t progress_rays = 0, batch_rays = 0;
-  Buffer<RayProgress> progress;
-  Buffer<std::uint32_t> active[2], pair_keys, pair_rays, pair_instances, pair_places, pair_ranges, pair_steps,
-      placed_steps, count;
+  // Rays of a round, and those of one tracer in its object's space.
+  RayQueue queue;
   Buffer<Ray> camera_rays, placed_rays;
-  Buffer<Hit> placed_hits, pair_hits;
+  Buffer<Hit> placed_hits;
+  Buffer<std::uint32_t> placed_steps;
 };
 
 namespace {
 
 constexpr std::size_t kGroup = 64;
-constexpr std::size_t kBatch = std::size_t{1} << 18;  // rays whose pairs are in memory at once
-constexpr std::size_t kLeastPairs = std::size_t{1} << 16;
-constexpr std::uint32_t kMostOfRay = 16;  // pairs a ray and round
+constexpr std::size_t kBatch = std::size_t{1} << 18;  // rays whose work items are in memory at once
+constexpr std::uint32_t kMostOfRay = 16;              // work items a ray and round
 
 ScenePlacement place(const Bounds3f& box, const SceneInstance& instance, std::uint32_t first_leaf,
                      std::uint32_t tracer) {
@@ -58,8 +56,8 @@ ScenePlacement place(const Bounds3f& box, const SceneInstance& instance, std::ui
   return placement;
 }
 
-/// What of the object rays can hit: a cloud's discs and a level's tiles reach past what bounds() says.
-Bounds3f reach(const SceneObject& object) {
+/// The box of what rays can hit: a cloud's discs and a level's tiles reach past the object's bounds.
+Bounds3f traced_bounds(const SceneObject& object) {
   Bounds3f box = object.bounds;
   if (const Level* level = object.level()) {
     if (!level->nodes.empty())
@@ -76,93 +74,53 @@ Bounds3f reach(const SceneObject& object) {
   return box;
 }
 
-void grow_scratch(const Device& device, SceneTracerState& state, std::size_t rays) {
-  if (rays > state.progress_rays) {
-    state.progress_rays = rays;
-    state.progress = {device, rays};
-  }
-  const std::size_t batch = std::min(rays, kBatch), pairs = std::max(batch, kLeastPairs);
-  if (batch <= state.batch_rays) return;
-  state.batch_rays = batch;
-  for (Buffer<std::uint32_t>& list : state.active) list = {device, batch};
-  for (Buffer<std::uint32_t>* list : {&state.pair_keys, &state.pair_rays, &state.pair_instances,
-                                      &state.pair_places, &state.pair_steps, &state.placed_steps})
-    *list = {device, pairs};
-  state.pair_ranges = {device, 2 * batch};
-  state.count = {device, 1};
-  state.placed_rays = {device, pairs};
-  state.placed_hits = {device, pairs};
-  state.pair_hits = {device, pairs};
+void reserve(const Device& device, SceneTracerState& state, std::size_t rays) {
+  if (!reserve_queue(device, state.queue, rays, kBatch)) return;
+  const std::size_t items = state.queue.items.size();
+  state.placed_rays = {device, items};
+  state.placed_hits = {device, items};
+  state.placed_steps = {device, items};
 }
 
-std::uint32_t read_count(const Buffer<std::uint32_t>& count) {
-  std::uint32_t value = 0;
-  count.read(std::span(&value, 1));
-  return value;
-}
-
-/// Sorted pairs [begin, end) of one tracer.
-void trace_pairs(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
+/// Sorted work items [begin, end) of one tracer.
+void trace_items(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                  std::uint32_t number, std::uint32_t begin, std::uint32_t end, RayQuery query,
                  bool has_steps) {
   const SceneTracerState& state = *tracer.state;
+  const RayQueue& queue = state.queue;
   const std::uint32_t count = end - begin;
   tracer.device.kernel("trace/trace_scene", "place_rays", state.options)
-      .run(count, kGroup, state.pair_places, begin, count, state.pair_rays, state.pair_instances,
-           state.placements, rays, hits, state.placed_rays);
-  std::visit(
-      [&](const auto& kind) {
-        trace_rays(kind, state.placed_rays, state.placed_hits, count, query,
-                   has_steps ? &state.placed_steps : nullptr);
-      },
-      state.tracers[number]);
-  tracer.device.kernel("trace/trace_scene", "take_placed_hits", state.options)
-      .run(count, kGroup, state.pair_places, begin, count, state.pair_rays, state.pair_instances,
-           state.placements, rays, state.placed_hits, state.placed_steps, state.pair_hits,
-           has_steps ? state.pair_steps : Buffer<std::uint32_t>());
+      .run(count, kGroup, queue.places, begin, count, queue.items, state.placements, rays, hits,
+           state.placed_rays);
+  state.tracers[number]->intersect(state.placed_rays, state.placed_hits, count, query,
+                                   has_steps ? &state.placed_steps : nullptr);
+  tracer.device.kernel("trace/trace_scene", "collect_hits", state.options)
+      .run(count, kGroup, queue.places, begin, count, queue.items, state.placements, rays, state.placed_hits,
+           state.placed_steps, queue.item_hits, has_steps ? queue.item_steps : Buffer<std::uint32_t>());
 }
 
-/// Rays [first, first + count) and all instances that are no proxies.
+/// Rays of the range and all instances that are no proxies.
 void trace_placed(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                  std::uint32_t first, std::uint32_t count, RayQuery query,
-                  const Buffer<std::uint32_t>& steps) {
+                  const RayRange& range, RayQuery query, const Buffer<std::uint32_t>& steps) {
   SceneTracerState& state = *tracer.state;
   const Device& device = tracer.device;
-  const bool has_steps = steps.size() > 0;
-  device.kernel("trace/trace_scene", "start_placing", state.options)
-      .run(count, kGroup, hits, state.progress, state.active[0], first, count, steps);
-  unsigned key_bits = 0;
-  while (state.tracers.size() > std::size_t{1} << key_bits) ++key_bits;
-  std::uint32_t active = count;
+  RayQueue& queue = state.queue;
+  std::uint32_t active = range.count;
   for (int round = 0; active > 0; ++round) {
-    const Buffer<std::uint32_t>&list = state.active[round % 2], &next = state.active[(round + 1) % 2];
-    // Many rays hit what they meet first; those that do not soon want all.
-    const auto room = static_cast<std::uint32_t>(std::max<std::size_t>(1, state.pair_keys.size() / active));
-    const std::uint32_t most = std::min({kMostOfRay, 1u << std::min(2 * round, 8), room});
-    state.count.fill(0);
-    device.kernel("trace/trace_scene", "intersect_instances", state.options)
-        .run(active, kGroup, state.nodes, state.top, state.placements, rays, list, active, most, hits,
-             state.progress, state.pair_keys, state.pair_rays, state.pair_instances, state.pair_places,
-             state.pair_ranges, state.count, steps);
-    const std::uint32_t pairs = read_count(state.count);
-    if (pairs == 0) return;
-    if (key_bits == 0) {
-      trace_pairs(tracer, rays, hits, 0, 0, pairs, query, has_steps);
-    } else {
-      radix_sort(device, state.pair_keys, state.pair_places, pairs, key_bits);
-      std::vector<std::uint32_t> keys(pairs);
-      state.pair_keys.read(keys);
-      for (std::uint32_t begin = 0, end = 0; begin < pairs; begin = end) {
-        end = static_cast<std::uint32_t>(std::upper_bound(keys.begin() + begin, keys.end(), keys[begin]) -
-                                         keys.begin());
-        trace_pairs(tracer, rays, hits, keys[begin], begin, end, query, has_steps);
-      }
+    const SceneSearch search = {state.top, range, active, items_per_ray(queue, round, active, kMostOfRay)};
+    device.kernel("trace/trace_scene", "search_instances", state.options)
+        .run(active, kGroup, search, state.nodes, state.placements, rays, active_rays(queue, round),
+             queue.keys, queue.places, queue.items, queue.listed, round_counts(queue, round), queue.progress,
+             hits, steps);
+    const RoundCounts counts = read_counts(queue, round);
+    if (counts.items == 0) return;
+    sort_items(device, queue, counts.items, bits_for(state.tracers.size()));
+    for (std::uint32_t begin = 0, end = 0; begin < counts.items; begin = end) {
+      const std::uint32_t number = queue.host_keys[begin];
+      end = end_of_run(queue.host_keys, begin);
+      trace_items(tracer, rays, hits, number, begin, end, query, steps.size() > 0);
     }
-    state.count.fill(0);
-    device.kernel("trace/trace_scene", "take_nearest", state.options)
-        .run(active, kGroup, list, active, query == RayQuery::kAny ? 1u : 0u, state.pair_ranges,
-             state.pair_hits, state.pair_steps, state.progress, hits, next, state.count, steps);
-    active = read_count(state.count);
+    active = take_nearest(device, queue, round, counts.listed, query == RayQuery::kAny, {}, hits, steps);
   }
 }
 
@@ -172,30 +130,34 @@ void trace_with_levels(const SceneTracer& tracer, const Buffer<Ray>& rays, const
   SceneTracerState& state = *tracer.state;
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
   if (state.placed > 0) {
-    grow_scratch(tracer.device, state, count);
-    for (std::size_t first = 0; first < count; first += kBatch)
-      trace_placed(tracer, rays, hits, static_cast<std::uint32_t>(first),
-                   static_cast<std::uint32_t>(std::min(kBatch, count - first)), query,
-                   steps != nullptr ? *steps : Buffer<std::uint32_t>());
+    reserve(tracer.device, state, count);
+    for (std::size_t first = 0; first < count; first += kBatch) {
+      const RayRange range = {static_cast<std::uint32_t>(first),
+                              static_cast<std::uint32_t>(std::min(kBatch, count - first)), 1, 0, 0};
+      trace_placed(tracer, rays, hits, range, query, steps != nullptr ? *steps : Buffer<std::uint32_t>());
+    }
   }
   if (state.proxies) {
-    state.placed > 0 ? trace_rays_further(*state.proxies, rays, hits, count, query, steps, row)
-                     : trace_rays(*state.proxies, rays, hits, count, query, steps, row);
+    state.placed > 0 ? intersect_further(*state.proxies, rays, hits, count, query, steps, row)
+                     : intersect_rows(*state.proxies, rays, hits, count, query, steps, row);
   }
 }
 
 }  // namespace
 
 SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const SceneConfig& config) {
-  SceneTracer tracer{device, std::make_shared<SceneTracerState>()};
+  SceneTracer tracer(device);
+  tracer.state = std::make_shared<SceneTracerState>();
   SceneTracerState& state = *tracer.state;
   state.pixels = config.pixels;
-  const std::vector<std::uint32_t> first = first_leaves(scene);
+  state.scene = &scene;
+  state.first_leaf = first_leaves(scene);
+  const std::vector<std::uint32_t>& first = state.first_leaf;
+  std::vector<std::uint32_t>& number = state.number;
   std::vector<const Proxy*> proxies;
-  std::vector<std::uint32_t> number;  // of each object among its kind
   std::vector<Bounds3f> boxes;
   for (const SceneObject& object : scene.objects) {
-    boxes.push_back(reach(object));
+    boxes.push_back(traced_bounds(object));
     if (const Proxy* proxy = object.proxy()) {
       number.push_back(static_cast<std::uint32_t>(proxies.size()));
       proxies.push_back(proxy);
@@ -203,9 +165,10 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
     }
     number.push_back(static_cast<std::uint32_t>(state.tracers.size()));
     if (const Level* level = object.level())
-      state.tracers.emplace_back(make_tile_tracer(device, *level));
+      state.tracers.push_back(std::make_unique<TileTracer>(make_tile_tracer(device, *level)));
     else
-      state.tracers.emplace_back(make_exact_tracer(device, *object.scan(), config.exact));
+      state.tracers.push_back(
+          std::make_unique<ExactTracer>(make_exact_tracer(device, *object.scan(), config.exact)));
   }
   std::vector<ProxyInstance> proxy_instances;
   std::vector<ScenePlacement> placements;
@@ -235,26 +198,26 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
   return tracer;
 }
 
-void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps) {
-  if (tracer.state->proxies) set_detail(*tracer.state->proxies);
-  trace_with_levels(tracer, rays, hits, count, query, steps, 0);
+void SceneTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                            RayQuery query, const Buffer<std::uint32_t>* steps) const {
+  if (state->proxies) set_detail(*state->proxies);
+  trace_with_levels(*this, rays, hits, count, query, steps, 0);
 }
 
-void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps) {
-  if (tracer.state->proxies) set_detail(*tracer.state->proxies, camera, tracer.state->pixels);
+void SceneTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                            const Buffer<std::uint32_t>* steps) const {
+  if (state->proxies) set_detail(*state->proxies, camera, state->pixels);
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
-  Buffer<Ray>& rays = tracer.state->camera_rays;
-  if (rays.size() < pixels) rays = {tracer.device, pixels};
+  Buffer<Ray>& rays = state->camera_rays;
+  if (rays.size() < pixels) rays = {device, pixels};
   const std::size_t squares = std::size_t{(camera.width + 7) / 8} * ((camera.height + 7) / 8);
-  tracer.device.kernel("trace/trace_scene", "write_camera_rays", tracer.state->options)
-      .run(squares * 64, kGroup, camera, rays);
-  trace_with_levels(tracer, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
+  device.kernel("trace/camera_rays", "write_camera_rays").run(squares * 64, kGroup, camera, rays);
+  trace_with_levels(*this, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 
-SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
-  const std::vector<std::uint32_t> first = first_leaves(scene);
+SurfaceSamples SceneTracer::surface(std::span<const Hit> hits) const {
+  const Scene& scene = *state->scene;
+  const std::vector<std::uint32_t>& first = state->first_leaf;
   std::vector<std::vector<std::size_t>> pixels(scene.instances.size());
   for (std::size_t i = 0; i < hits.size(); ++i)
     if (hits[i].leaf != RBVH_NO_LEAF)
@@ -262,14 +225,12 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
                                       first.begin()) -
              1]
           .push_back(i);
-  std::map<std::uint32_t, std::vector<Vec3f>> normals;  // by object, made when first needed
   SurfaceSamples all;
   all.normals.resize(hits.size());
   for (std::size_t k = 0; k < pixels.size(); ++k) {
     if (pixels[k].empty()) continue;
     const SceneInstance& instance = scene.instances[k];
-    const SceneObject& object = scene.objects[instance.object];
-    if (object.proxy() != nullptr) {
+    if (scene.objects[instance.object].proxy() != nullptr) {
       for (const std::size_t i : pixels[k])
         all.normals[i] = {hits[i].normal[0], hits[i].normal[1], hits[i].normal[2]};
       continue;
@@ -287,13 +248,7 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
       const Vec3f n = static_cast<Vec3f>(normalized(instance.to_world.transposed(world)));
       for (int axis = 0; axis < 3; ++axis) own.back().normal[axis] = n[axis];
     }
-    SurfaceSamples samples;
-    if (const Scan* scan = object.scan()) {
-      if (!normals.contains(instance.object)) normals[instance.object] = shading_normals(*scan);
-      samples = sample_surface(*scan, normals[instance.object], own);
-    } else {
-      samples = sample_surface(*object.level(), own);
-    }
+    const SurfaceSamples samples = state->tracers[state->number[instance.object]]->surface(own);
     if (!samples.colors.empty() && all.colors.empty()) all.colors.assign(hits.size(), kClay);
     for (std::size_t n = 0; n < pixels[k].size(); ++n) {
       all.normals[pixels[k][n]] = to_world_normal(samples.normals[n]);
@@ -301,6 +256,13 @@ SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits) {
     }
   }
   return all;
+}
+
+std::uint64_t SceneTracer::memory() const {
+  std::uint64_t total = state->nodes.size_bytes() + state->placements.size_bytes();
+  for (const std::unique_ptr<Tracer>& tracer : state->tracers) total += tracer->memory();
+  if (state->proxies) total += state->proxies->memory();
+  return total;
 }
 
 const PatchTracer* patch_tracer(const SceneTracer& tracer) {

@@ -1,5 +1,5 @@
-// Ray casting a scene on the device: each instance's rays in its own space by the tracer of its kind, all
-// proxies together (their top hierarchy is over the instances). The nearest hit of all is kept.
+// Ray casting a scene on the device: each instance's rays are cast in its own space by the tracer of its
+// object, and all proxies together, as their top hierarchy is over instances. A ray keeps its nearest hit.
 #pragma once
 
 #include <cstdint>
@@ -7,42 +7,41 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/render/shade.h"
 #include "pipeline/scene/scene.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_patch.h"
+#include "pipeline/trace/trace_tile.h"
+#include "pipeline/trace/tracer.h"
 
 namespace rbvh {
 
 struct SceneConfig {
   ExactConfig exact;
   ProxyConfig proxy;
-  double pixels = 1;  ///< of a camera, that a proxy's micro-quad measures
+  double pixels = 1;  ///< a proxy's micro-quad measures in a camera's picture
 };
 
 struct SceneTracerState;
 
 /// A scene on the device. Cheap to copy; copies share the cache of patch hierarchies. Not to be used from
 /// several threads at once.
-struct SceneTracer {
-  Device device;
+struct SceneTracer final : Tracer {
   std::shared_ptr<SceneTracerState> state;
+
+  using Tracer::Tracer;
+  /// Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies are at their finest.
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  /// Proxies are at that camera's detail.
+  void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  /// By each object's own normals and colours.
+  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  std::uint64_t memory() const override;
 };
 
 /// Throws as the tracers of its objects do.
 SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const SceneConfig& config = {});
-
-/// As the other tracers' are. Hit.leaf numbers the leaves of all instances through (first_leaves()); proxies
-/// are at their finest.
-void trace_rays(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
-                std::size_t count, RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
-
-/// Primary rays of a camera: hits row by row, proxies at that camera's detail.
-void trace_camera(const SceneTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps = nullptr);
-
-/// What is shown of the surface at each hit, by each object's own normals and colours.
-SurfaceSamples sample_surface(const Scene& scene, std::span<const Hit> hits);
 
 /// How the scene's proxies were traced; nullptr without any.
 const PatchTracer* patch_tracer(const SceneTracer& tracer);

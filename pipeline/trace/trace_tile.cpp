@@ -140,37 +140,44 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
   heights.push_back(0);  // the kernels may read one texel past the last
   const WideBvh wide = widen_elements(tree.bvh);
   const std::uint32_t stack = (wide.stack + kStackStep - 1) / kStackStep * kStackStep;
-  return {.device = device,
-          .options = "-DSTACK=" + std::to_string(stack) + (level.exact_discs ? " -DDISCS" : ""),
-          .scene = wide.scene,
-          .nodes = Buffer<WideNode>(device, wide.nodes),
-          .tiles = Buffer<RbvhTile>(device, tree.tiles),
-          .heights = Buffer<std::uint16_t>(device, heights),
-          .blocks = Buffer<PrimitiveBlock>(device, tree.blocks)};
+  TileTracer tracer(device);
+  tracer.options = "-DSTACK=" + std::to_string(stack) + (level.exact_discs ? " -DDISCS" : "");
+  tracer.scene = wide.scene;
+  tracer.nodes = {device, wide.nodes};
+  tracer.tiles = {device, tree.tiles};
+  tracer.heights = {device, heights};
+  tracer.blocks = {device, tree.blocks};
+  tracer.level = &level;
+  return tracer;
 }
 
-void trace_rays(const TileTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps) {
-  tracer.device.kernel("trace/trace_tile", "trace_rays", tracer.options)
-      .run(count, 64, tracer.nodes, tracer.tiles, tracer.heights, tracer.blocks, tracer.scene, rays,
-           static_cast<std::uint32_t>(count), query == RayQuery::kAny ? 1u : 0u, hits,
-           steps != nullptr ? *steps : Buffer<std::uint32_t>());
+void TileTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
+                           RayQuery query, const Buffer<std::uint32_t>* steps) const {
+  device.kernel("trace/trace_tile", "trace_rays", options)
+      .run(count, 64, nodes, tiles, heights, blocks, scene, rays, static_cast<std::uint32_t>(count),
+           query == RayQuery::kAny ? 1u : 0u, hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
-void trace_camera(const TileTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps) {
+void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                           const Buffer<std::uint32_t>* steps) const {
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   const auto squares = [](std::uint32_t pixels, std::uint32_t side) { return (pixels + side - 1) / side; };
-  if (tracer.device.info().is_cpu) {
+  if (device.info().is_cpu) {
     const std::uint32_t in_row = squares(camera.width, 4);
-    tracer.device.kernel("trace/trace_tile", "trace_camera_packets", tracer.options)
-        .run(std::size_t{in_row} * squares(camera.height, 4), 16, tracer.nodes, tracer.tiles, tracer.heights,
-             tracer.blocks, tracer.scene, camera, in_row, hits, steps_out);
+    device.kernel("trace/trace_tile", "trace_camera_packets", options)
+        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, scene,
+             camera, in_row, hits, steps_out);
   } else {
-    tracer.device.kernel("trace/trace_tile", "trace_camera", tracer.options)
-        .run(std::size_t{squares(camera.width, 8)} * squares(camera.height, 8) * 64, 64, tracer.nodes,
-             tracer.tiles, tracer.heights, tracer.blocks, tracer.scene, camera, hits, steps_out);
+    device.kernel("trace/trace_tile", "trace_camera", options)
+        .run(std::size_t{squares(camera.width, 8)} * squares(camera.height, 8) * 64, 64, nodes, tiles,
+             heights, blocks, scene, camera, hits, steps_out);
   }
+}
+
+SurfaceSamples TileTracer::surface(std::span<const Hit> hits) const { return sample_surface(*level, hits); }
+
+std::uint64_t TileTracer::memory() const {
+  return nodes.size_bytes() + tiles.size_bytes() + heights.size_bytes() + blocks.size_bytes();
 }
 
 }  // namespace rbvh

@@ -8,31 +8,31 @@
 #include "kernels/common/layout.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/rbvh.h"
+#include "pipeline/trace/tracer.h"
 
 namespace rbvh {
 
-enum class RayQuery { kNearest, kAny };
-
 /// A level in the device's own layout. Cheap to copy.
-struct TileTracer {
-  Device device;
+struct TileTracer final : Tracer {
   std::string options;  ///< the kernels' -D words
   BvhRoot scene{};
   Buffer<WideNode> nodes;
   Buffer<RbvhTile> tiles;
   Buffer<std::uint16_t> heights;
   Buffer<PrimitiveBlock> blocks;  ///< of leaves that fell back to exact primitives
+  const Level* level = nullptr;
+
+  using Tracer::Tracer;
+  /// t in [tmin, tmax]; of several tiles at the same t the lowest leaf's. `steps` counts nodes and grid
+  /// lines.
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
+                 const Buffer<std::uint32_t>* steps = nullptr) const override;
+  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  std::uint64_t memory() const override;
 };
 
 TileTracer make_tile_tracer(const Device& device, const Level& level);
-
-/// Nearest (or any) hits of `count` rays, in their order, t in [tmin, tmax]; of several tiles at the same t
-/// the lowest leaf's. `steps`, where given, gets nodes + texel steps per ray.
-void trace_rays(const TileTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
-                RayQuery query, const Buffer<std::uint32_t>* steps = nullptr);
-
-/// Primary rays of a camera: hits row by row.
-void trace_camera(const TileTracer& tracer, const CameraRays& camera, const Buffer<Hit>& hits,
-                  const Buffer<std::uint32_t>* steps = nullptr);
 
 }  // namespace rbvh

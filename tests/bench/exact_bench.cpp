@@ -90,8 +90,8 @@ std::vector<RaySet> make_rays(const Device& device, const Scan& scan, const Opti
   const Bounds3f box = bounds(scan);
   const std::vector<Ray> primary = primary_rays(make_camera(scan, options.resolution));
   Buffer<Hit> hit_buffer(device, primary.size());
-  trace_rays(make_exact_tracer(device, scan), Buffer<Ray>(device, primary), hit_buffer, primary.size(),
-             RayQuery::kNearest);
+  make_exact_tracer(device, scan)
+      .intersect(Buffer<Ray>(device, primary), hit_buffer, primary.size(), RayQuery::kNearest);
   const std::vector<Hit> hits = hit_buffer.read();
   const float offset = static_cast<float>(kBounceOffset) * box.diagonal();
   const std::vector<Ray> diffuse = diffuse_rays(primary, hits, offset, kSeed);
@@ -201,12 +201,12 @@ Json measure_method(const Device& device, const Scan& scan, const ExactTraversal
   row["build_seconds"] = median(builds);
   row["hierarchy_seconds"] = median(hierarchies);
   row["sah_cost"] = timings.sah_cost;
-  row["bytes"] = tracer.bytes();
+  row["bytes"] = tracer.memory();
   {  // the same primary rays, made on the device: wide16 takes them in packets
     const CameraRays camera = make_camera(scan, options.resolution);
     const Buffer<Hit> hits(device, sets[0].count);
     const auto trace = [&] {
-      trace_camera(tracer, camera, hits);
+      tracer.intersect(camera, hits);
       device.finish();
     };
     row["camera"] = measure_rays(trace, sets[0], embree, EmbreeMode::kPacket16, options.repetitions);
@@ -214,7 +214,7 @@ Json measure_method(const Device& device, const Scan& scan, const ExactTraversal
   for (const RaySet& set : sets) {
     const Buffer<Hit> hits(device, set.count);
     const auto trace = [&] {
-      trace_rays(tracer, set.rays, hits, set.count, set.query);
+      tracer.intersect(set.rays, hits, set.count, set.query);
       device.finish();
     };
     row[set.name] = measure_rays(trace, set, embree, EmbreeMode::kSingle, options.repetitions);

@@ -1,8 +1,8 @@
-// Measures ray tracing proxies untessellated beside their tessellated twins traced exactly: memory (table 1.1
-// of Harada, "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU Pro 6), time by phase
-// for primary, shadow and bounced rays (figures 1.7, 1.9, 1.10), and time by rays a patch. The scenes are
-// made here, after the source's four: one pumpkin, one bark, seven barks, and a party of both. Writes figures
-// down; passes and fails nothing.
+// Measures ray tracing proxies untessellated beside their tessellated references traced exactly: memory
+// (table 1.1 of Harada, "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU Pro 6), time
+// by phase for primary, shadow and bounced rays (figures 1.7, 1.9, 1.10), and time by rays a patch. The
+// scenes are made here, after the source's four: one pumpkin, one bark, seven barks, and a party of both.
+// Writes figures down; passes and fails nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -28,7 +28,7 @@ struct Options {
   std::vector<std::string> scenes;
   std::uint32_t resolution = 1024;
   int repetitions = 3, bounces = 5;
-  std::size_t cache_mb = 512, twin_mb = 3000;
+  std::size_t cache_mb = 512, reference_mb = 3000;
   bool sweep = true;
   std::vector<std::uint32_t> sweep_sizes = {64, 104, 144, 200, 288, 408, 576, 816, 1152, 1632};
   std::uint32_t few_rays = ProxyConfig{}.few_rays;
@@ -37,7 +37,7 @@ struct Options {
 struct BenchScene {
   std::string name;
   Proxy proxy;
-  double triangles = 0;  ///< of the twin at the tiles' own levels
+  double triangles = 0;  ///< of the reference at the tiles' own levels
 };
 
 constexpr std::uint32_t kLevel = 7;  // 128 x 128 micro-quads a patch
@@ -148,37 +148,37 @@ double median(std::vector<double> values) {
 // -----------------------------------------------------------------------------------------------------------
 
 /// One kind of rays: milliseconds with nothing built, once more, with what the casts before it built,
-/// and of the twin; all on the same rays, in turn, as what slows one down for a while slows all.
+/// and of the reference; all on the same rays, interleaved, as what slows one down for a while slows all.
 struct Row {
   std::string rays;
   RayQuery query = RayQuery::kNearest;
   std::vector<Ray> set;
   std::size_t hits = 0;
-  double cold = 0, warm = 0, kept = 0, twin = 0, cold_ratio = 0, warm_ratio = 0;
-  ProxyStats phases;                   ///< of a cold cast
-  ProxyStats kept_phases;              ///< of one after the casts before
-  double visits = 0, twin_visits = 0;  ///< nodes, blocks, micro-quads a ray
+  double cold = 0, warm = 0, kept = 0, reference = 0, cold_ratio = 0, warm_ratio = 0;
+  ProxyStats phases;                        ///< of a cold cast
+  ProxyStats kept_phases;                   ///< of one after the casts before
+  double visits = 0, reference_visits = 0;  ///< nodes, blocks, micro-quads a ray
   double ns(double milliseconds) const {
     return milliseconds * 1e6 / static_cast<double>(std::max<std::size_t>(1, set.size()));
   }
 };
 
 /// Casts the row's rays, again and again, and returns the hits.
-std::vector<Hit> measure_row(const PatchTracer& tracer, const std::optional<ExactTracer>& twin,
+std::vector<Hit> measure_row(const PatchTracer& tracer, const std::optional<ExactTracer>& reference,
                              int repetitions, Row& row) {
   const Device& device = tracer.device;
   const Buffer<Ray> rays(device, row.set);
   const Buffer<Hit> hits(device, row.set.size());
   const auto time = [&](const auto& with) {
-    return 1e3 * seconds_of(device, [&] { trace_rays(with, rays, hits, row.set.size(), row.query); });
+    return 1e3 * seconds_of(device, [&] { with.intersect(rays, hits, row.set.size(), row.query); });
   };
   std::vector<double> cold, warm, exact, cold_ratios, warm_ratios;
   for (int i = 0; i < repetitions; ++i) {
     clear_cache(tracer);
     cold.push_back(time(tracer));
     warm.push_back(time(tracer));
-    if (!twin) continue;
-    exact.push_back(time(*twin));
+    if (!reference) continue;
+    exact.push_back(time(*reference));
     cold_ratios.push_back(cold.back() / exact.back());
     warm_ratios.push_back(warm.back() / exact.back());
   }
@@ -190,8 +190,8 @@ std::vector<Hit> measure_row(const PatchTracer& tracer, const std::optional<Exac
   stats(tracer).timed = false;
   row.cold = median(cold);
   row.warm = median(warm);
-  if (twin) {
-    row.twin = median(exact);
+  if (reference) {
+    row.reference = median(exact);
     row.cold_ratio = median(cold_ratios);
     row.warm_ratio = median(warm_ratios);
   }
@@ -201,7 +201,7 @@ std::vector<Hit> measure_row(const PatchTracer& tracer, const std::optional<Exac
 }
 
 /// Primary rays, shadow rays to the sky, and bounces.
-std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<ExactTracer>& twin,
+std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<ExactTracer>& reference,
                               const CameraRays& camera, float offset, const Options& options) {
   std::vector<Row> rows;
   const auto add = [&](const std::string& name, RayQuery query, std::vector<Ray> rays) {
@@ -211,16 +211,16 @@ std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<Exa
     rows.back().set = std::move(rays);
   };
   add("primary", RayQuery::kNearest, primary_rays(camera));
-  std::vector<Hit> hits = measure_row(tracer, twin, options.repetitions, rows.back());
+  std::vector<Hit> hits = measure_row(tracer, reference, options.repetitions, rows.back());
   add("shadow", RayQuery::kAny, diffuse_rays(rows[0].set, hits, offset, 77));
-  measure_row(tracer, twin, options.repetitions, rows.back());
+  measure_row(tracer, reference, options.repetitions, rows.back());
   std::vector<Ray> before = rows[0].set;
   for (int bounce = 1; bounce <= options.bounces; ++bounce) {
     std::vector<Ray> rays = diffuse_rays(before, hits, offset, static_cast<std::uint32_t>(bounce));
     if (rays.empty()) break;
     before = rays;
     add("bounce " + std::to_string(bounce), RayQuery::kNearest, std::move(rays));
-    hits = measure_row(tracer, twin, options.repetitions, rows.back());
+    hits = measure_row(tracer, reference, options.repetitions, rows.back());
   }
   std::vector<std::vector<double>> kept(rows.size());
   for (int i = 0; i < options.repetitions; ++i) {
@@ -229,7 +229,7 @@ std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<Exa
       const Buffer<Ray> rays(tracer.device, rows[r].set);
       const Buffer<Hit> found(tracer.device, rows[r].set.size());
       kept[r].push_back(1e3 * seconds_of(tracer.device, [&] {
-                          trace_rays(tracer, rays, found, rows[r].set.size(), rows[r].query);
+                          tracer.intersect(rays, found, rows[r].set.size(), rows[r].query);
                         }));
     }
   }
@@ -240,15 +240,15 @@ std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<Exa
     const Buffer<Hit> found(tracer.device, row.set.size());
     stats(tracer) = {};
     stats(tracer).timed = true;
-    trace_rays(tracer, rays, found, row.set.size(), row.query);
+    tracer.intersect(rays, found, row.set.size(), row.query);
     row.kept_phases = stats(tracer);
     const Buffer<std::uint32_t> steps(tracer.device, row.set.size());
-    trace_rays(tracer, rays, found, row.set.size(), row.query, &steps);
+    tracer.intersect(rays, found, row.set.size(), row.query, &steps);
     for (const std::uint32_t visited : steps.read()) row.visits += visited;
     row.visits /= static_cast<double>(row.set.size());
-    if (twin) {
-      const ExactVisits visits = mean_visits(*twin, rays, row.set.size(), row.query);
-      row.twin_visits = visits.nodes + visits.primitives;
+    if (reference) {
+      const ExactVisits visits = mean_visits(*reference, rays, row.set.size(), row.query);
+      row.reference_visits = visits.nodes + visits.primitives;
     }
   }
   stats(tracer) = {};
@@ -258,24 +258,27 @@ std::vector<Row> measure_rows(const PatchTracer& tracer, const std::optional<Exa
 void print_rows(const std::vector<Row>& rows) {
   std::printf(
       "| Rays | count | top, middle [ms] | sort | build | patches | all, nothing built | after the casts "
-      "before | the same again | ns a ray | twin [ms] | nothing built / twin | again / twin |\n"
+      "before | the same again | ns a ray | reference [ms] | nothing built / reference | again / reference "
+      "|\n"
       "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
   for (const Row& r : rows)
     std::printf("| %s | %zu | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.1f | %.0f | %.1f | %.2f | %.2f |\n",
                 r.rays.c_str(), r.set.size(), r.phases.top * 1e3, r.phases.sort * 1e3, r.phases.build * 1e3,
-                r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.twin, r.cold_ratio,
+                r.phases.cast * 1e3, r.cold, r.kept, r.warm, r.ns(r.warm), r.reference, r.cold_ratio,
                 r.warm_ratio);
   std::printf(
-      "\n| After the casts before | top, middle [ms] | sort | build | patches | rounds | pairs | built | "
-      "evicted | visits a ray | of the twin |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | "
+      "\n| After the casts before | top, middle [ms] | sort | build | patches | rounds | work items | built "
+      "| "
+      "evicted | visits a ray | of the reference |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | "
+      "--- | "
       "--- |\n");
   for (const Row& r : rows) {
     const ProxyStats& s = r.kept_phases;
     std::printf("| %s | %.1f | %.1f | %.1f | %.1f | %llu | %llu | %llu | %llu | %.1f | %.1f |\n",
                 r.rays.c_str(), s.top * 1e3, s.sort * 1e3, s.build * 1e3, s.cast * 1e3,
-                static_cast<unsigned long long>(s.rounds), static_cast<unsigned long long>(s.pairs),
+                static_cast<unsigned long long>(s.rounds), static_cast<unsigned long long>(s.items),
                 static_cast<unsigned long long>(s.built), static_cast<unsigned long long>(s.evicted),
-                r.visits, r.twin_visits);
+                r.visits, r.reference_visits);
   }
   std::fflush(stdout);
 }
@@ -304,38 +307,40 @@ void measure(const Device& device, const Options& options, const std::string& na
   set_detail(tracer, camera);
   const ProxyBytes memory = bytes(tracer);
 
-  std::optional<ExactTracer> twin;
-  double twin_bytes = 0, twin_seconds = 0;
+  std::optional<ExactTracer> reference;
+  double reference_bytes = 0, reference_seconds = 0;
   const double estimate = scene.triangles * 80;
-  if (estimate < static_cast<double>(options.twin_mb) * 1e6) {
-    twin_seconds = seconds_of(device, [&] {
+  if (estimate < static_cast<double>(options.reference_mb) * 1e6) {
+    reference_seconds = seconds_of(device, [&] {
       const Scan mesh = tessellate(scene.proxy, kLevel);
-      twin_bytes = static_cast<double>(mesh.positions.size() * sizeof(Vec3f) +
-                                       mesh.triangles.size() * sizeof(Triangle));
-      twin = make_exact_tracer(device, mesh);
+      reference_bytes = static_cast<double>(mesh.positions.size() * sizeof(Vec3f) +
+                                            mesh.triangles.size() * sizeof(Triangle));
+      reference = make_exact_tracer(device, mesh);
     });
-    twin_bytes += static_cast<double>(twin->bytes());
+    reference_bytes += static_cast<double>(reference->memory());
   }
-  std::printf("\n## %s: %zu patches, %.1f M triangles tessellated; prepared in %.2f s (twin: %.1f s)\n\n",
-              name.c_str(), scene.proxy.quads.size(), scene.triangles * 1e-6, prepare, twin_seconds);
+  std::printf(
+      "\n## %s: %zu patches, %.1f M triangles tessellated; prepared in %.2f s (reference: %.1f s)\n\n",
+      name.c_str(), scene.proxy.quads.size(), scene.triangles * 1e-6, prepare, reference_seconds);
   std::printf(
       "tessellated %.1f MB (%.1f bytes a triangle), direct %.3f MB without maps, %.1f MB maps; cache limit "
       "%.0f MB\n\n",
-      twin_bytes * 1e-6, twin_bytes / scene.triangles, static_cast<double>(memory.base) * 1e-6,
+      reference_bytes * 1e-6, reference_bytes / scene.triangles, static_cast<double>(memory.base) * 1e-6,
       static_cast<double>(memory.maps) * 1e-6, static_cast<double>(memory.cache) * 1e-6);
 
   Options quick = options;
   quick.repetitions = 1;
-  measure_rows(tracer, twin, make_camera(box, 64), offset, quick);  // compiles
-  const std::vector<Row> rows = measure_rows(tracer, twin, camera, offset, options);
+  measure_rows(tracer, reference, make_camera(box, 64), offset, quick);  // compiles
+  const std::vector<Row> rows = measure_rows(tracer, reference, camera, offset, options);
   print_rows(rows);
   if (rows.size() > 6)
     std::printf(
-        "\na ray at bounce 5 costs %.2f of one at bounce 1 with what the casts before it built, the twin's "
+        "\na ray at bounce 5 costs %.2f of one at bounce 1 with what the casts before it built, the "
+        "reference's "
         "%.2f; "
         "in the cache: %.1f MB\n",
         rows[6].ns(rows[6].kept) / rows[2].ns(rows[2].kept),
-        twin ? rows[6].ns(rows[6].twin) / rows[2].ns(rows[2].twin) : 0.0,
+        reference ? rows[6].ns(rows[6].reference) / rows[2].ns(rows[2].reference) : 0.0,
         static_cast<double>(bytes(tracer).cached) * 1e-6);
 }
 
@@ -349,12 +354,12 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
   config.few_rays = options.few_rays;
   const PatchTracer tracer = make_patch_tracer(device, proxy, config);
   const Scan mesh = tessellate(proxy, kGlobeLevel);
-  const ExactTracer twin = make_exact_tracer(device, mesh);
+  const ExactTracer reference = make_exact_tracer(device, mesh);
   std::printf(
       "\n## By rays a patch: %zu patches, %.1f M triangles tessellated\n\n"
       "| image | patches reached | rays a patch | top, sort, build, patches [ms] | direct, cold [ms] | "
-      "direct, cached [ms] | twin [ms] | cold / twin | "
-      "cached / twin | twin's camera packets [ms] | cached camera / those |\n"
+      "direct, cached [ms] | reference [ms] | cold / reference | "
+      "cached / reference | reference's camera packets [ms] | cached camera / those |\n"
       "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
       proxy.quads.size(), static_cast<double>(mesh.triangles.size()) * 1e-6);
   for (const std::uint32_t resolution : options.sweep_sizes) {
@@ -365,23 +370,23 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
     const Buffer<Hit> hits(device, rays.size());
     const auto time = [&](const auto& with) {
       return 1e3 *
-             seconds_of(device, [&] { trace_rays(with, ray_buffer, hits, rays.size(), RayQuery::kNearest); });
+             seconds_of(device, [&] { with.intersect(ray_buffer, hits, rays.size(), RayQuery::kNearest); });
     };
     const Buffer<Hit> seen(device, rays.size());
     const auto time_camera = [&](const auto& with) {
-      return 1e3 * seconds_of(device, [&] { trace_camera(with, camera, seen); });
+      return 1e3 * seconds_of(device, [&] { with.intersect(camera, seen); });
     };
     std::vector<double> cold, cached, exact, cold_ratios, cached_ratios, packets, packet_ratios;
-    time(twin);
-    time_camera(twin);
-    for (int i = 0; i < 2 * options.repetitions + 1; ++i) {  // in turn: what slows one down slows all
+    time(reference);
+    time_camera(reference);
+    for (int i = 0; i < 2 * options.repetitions + 1; ++i) {  // interleaved: what slows one down slows all
       clear_cache(tracer);
       cold.push_back(time(tracer));
       cached.push_back(time(tracer));
-      exact.push_back(time(twin));
+      exact.push_back(time(reference));
       cold_ratios.push_back(cold.back() / exact.back());
       cached_ratios.push_back(cached.back() / exact.back());
-      packets.push_back(time_camera(twin));
+      packets.push_back(time_camera(reference));
       packet_ratios.push_back(time_camera(tracer) / packets.back());
     }
     clear_cache(tracer);
@@ -409,15 +414,16 @@ void measure_rays_a_patch(const Device& device, const Options& options) {
 
 int run(int argc, char** argv) {
   Options options;
-  CLI::App app("Measures proxies traced untessellated beside their tessellated twins; prints tables");
+  CLI::App app("Measures proxies traced untessellated beside their tessellated references; prints tables");
   app.add_option("SCENE", options.scenes, "pumpkin, bark, barks, party (default: all), or none");
   app.add_option("--resolution", options.resolution, "pixels each way")->capture_default_str();
   app.add_option("--repetitions", options.repetitions, "timed tracings of each kind")->capture_default_str();
   app.add_option("--bounces", options.bounces, "indirect bounces")->capture_default_str();
   app.add_option("--cache", options.cache_mb, "MB of patch hierarchies")->capture_default_str();
-  app.add_option("--twin", options.twin_mb, "MB that a twin may take; larger ones are not made")
+  app.add_option("--reference", options.reference_mb,
+                 "MB that a reference may take; larger ones are not made")
       ->capture_default_str();
-  app.add_option("--few-rays", options.few_rays, "rays that meet a patch before it is built for them")
+  app.add_option("--few-rays", options.few_rays, "rays that are cast at a patch before it is built for them")
       ->capture_default_str();
   app.add_flag("--processor-time", counts_processor_time,
                "count processor time in place of elapsed time, but for phases: on machines with other work");

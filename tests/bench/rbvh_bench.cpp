@@ -190,7 +190,7 @@ TimedRays make_rays(const Device& device, const ExactTracer& exact, const Option
   timed.words = camera_rays(camera, options.resolution, options.resolution);
   timed.primary = primary_rays(timed.words);
   timed.hits = Buffer<Hit>(device, timed.primary.size());
-  trace_rays(exact, Buffer<Ray>(device, timed.primary), timed.hits, timed.primary.size(), RayQuery::kNearest);
+  exact.intersect(Buffer<Ray>(device, timed.primary), timed.hits, timed.primary.size(), RayQuery::kNearest);
   const float offset = static_cast<float>(options.bounce_offset) * box.diagonal();
   timed.diffuse = diffuse_rays(timed.primary, timed.hits.read(), offset, kSeed);
   timed.diffuse_buffer = Buffer<Ray>(device, timed.diffuse);
@@ -199,9 +199,9 @@ TimedRays make_rays(const Device& device, const ExactTracer& exact, const Option
 
 void trace(const Device& device, const auto& tracer, const TimedRays& rays, bool is_primary) {
   if (is_primary)
-    trace_camera(tracer, rays.words, rays.hits);
+    tracer.intersect(rays.words, rays.hits);
   else
-    trace_rays(tracer, rays.diffuse_buffer, rays.hits, rays.diffuse.size(), RayQuery::kNearest);
+    tracer.intersect(rays.diffuse_buffer, rays.hits, rays.diffuse.size(), RayQuery::kNearest);
   device.finish();
 }
 

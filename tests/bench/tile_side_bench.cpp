@@ -12,7 +12,7 @@
 
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
-#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/build_tuning.h"
 #include "pipeline/render/camera.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_tile.h"
@@ -80,15 +80,15 @@ void run(const Options& options) {
   {
     const std::vector<Ray> first = primary_rays(primary);
     const ExactTracer exact = make_exact_tracer(device, scan, {});
-    trace_rays(exact, Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
+    exact.intersect(Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
     diffuse = diffuse_rays(first, hits.read(), 1e-3f * box.diagonal(), 1);
   }
   const Buffer<Ray> diffuse_buffer(device, diffuse);
   const Buffer<Hit> diffuse_hits(device, diffuse.size());
 
   const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
-    return {seconds_of(device, [&] { trace_camera(trial.tracer, primary, hits); }), seconds_of(device, [&] {
-              trace_rays(trial.tracer, diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
+    return {seconds_of(device, [&] { trial.tracer.intersect(primary, hits); }), seconds_of(device, [&] {
+              trial.tracer.intersect(diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
             })};
   };
   const auto measure_all = [&](std::vector<Trial>& trials, std::size_t reference) {
@@ -101,8 +101,8 @@ void run(const Options& options) {
     for (Trial& trial : trials)
       for (int kind = 0; kind < 2; ++kind) trial.rate[kind] = median(trial.rates[kind]);
   };
-  const auto build = [&](const BuildConfig& config, BuildTimings* timings) {
-    const Level built = std::move(build_rbvh(device, scan, config, {}, timings).levels[0]);
+  const auto build = [&](const BuildConfig& config, const BuildTuning& tuning, BuildTimings* timings) {
+    const Level built = std::move(build_tuned(device, scan, config, tuning, {}, timings).levels[0]);
     Trial trial;
     double texels = 0;
     for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
@@ -127,7 +127,7 @@ void run(const Options& options) {
           config.rays = rays;
           BuildTimings timings;
           const auto start = std::chrono::steady_clock::now();
-          trials.push_back(build(config, &timings));
+          trials.push_back(build(config, {}, &timings));
           const std::chrono::duration<double> all = std::chrono::steady_clock::now() - start;
           seconds.push_back({timings.partition, all.count()});
         }
@@ -152,8 +152,7 @@ void run(const Options& options) {
       BuildConfig config;
       config.levels = {level};
       config.split = options.split;
-      config.tile_side = side;
-      Trial trial = build(config, nullptr);
+      Trial trial = build(config, {.largest_tile = side}, nullptr);
       if (!trials.empty() && trials.back().leaves == trial.leaves) break;  // no tile is that large
       trials.push_back(std::move(trial));
     }

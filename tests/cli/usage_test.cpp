@@ -149,6 +149,33 @@ TEST_F(Usage, TracersAreForWhatTheyFit) {
   }
 }
 
+TEST_F(Usage, RemediesNameTheirOptions) {
+  write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  good("ingest a.obj -o b.ply");
+  EXPECT_NE(tool("ingest a.obj -o b.ply").err.find("b.ply: exists already; use --force"), std::string::npos);
+  const ToolRun along =
+      tool("render a.ply -o a.png --camera-position 0,5,0 --camera-focal-point 0,0,0 --camera-view-up 0,1,0");
+  EXPECT_EQ(along.code, 2);
+  EXPECT_NE(along.err.find("give another --camera-view-up"), std::string::npos) << along.err;
+}
+
+// As Mesa's llvmpipe does.
+TEST_F(Usage, ADeviceWhoseLoopsEndEarlyIsRefused) {
+  std::filesystem::create_directories(path("kernels/common"));
+  std::ifstream original(RBVH_SOURCE "/kernels/common/check_loops.cl");
+  std::string text{std::istreambuf_iterator<char>(original), {}};
+  const std::size_t at = text.find("++done)");
+  ASSERT_NE(at, std::string::npos);
+  write("kernels/common/check_loops.cl", text.insert(at + 7, " if (done == 65535) break; else"));
+  write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  const ToolRun run = tool("render a.obj -o a.png -q", "RBVH_KERNELS='" + path("kernels") + "'");
+  EXPECT_EQ(run.code, 6);
+  EXPECT_EQ(run.lines(), 1) << run.err;
+  EXPECT_NE(run.err.find("after 65535 of 200000 iterations"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("another device"), std::string::npos) << run.err;
+  EXPECT_FALSE(exists("a.png"));
+}
+
 TEST_F(Usage, LostOutputIsAFailure) {
   EXPECT_EQ(shell("'" RBVH_TOOL "' --help > /dev/full").code, 1);
   EXPECT_EQ(shell("'" RBVH_TOOL "' --help >&-").code, 1);

@@ -23,7 +23,7 @@ int main(int argc, char** argv) try {
       {{middle.x, middle.y, above}, 0, {0, 0, -1}, std::numeric_limits<float>::infinity()}};
   const rbvh::Buffer<rbvh::Ray> device_rays(device, rays);
   const rbvh::Buffer<rbvh::Hit> device_hits(device, rays.size());
-  rbvh::trace_rays(tracer, device_rays, device_hits, rays.size(), rbvh::RayQuery::kNearest);
+  tracer.intersect(device_rays, device_hits, rays.size(), rbvh::RayQuery::kNearest);
   const rbvh::Hit hit = device_hits.read().front();
   std::printf("hit at z = %.3f\n", static_cast<double>(above - hit.t));
   return 0;

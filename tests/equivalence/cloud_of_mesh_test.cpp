@@ -10,6 +10,7 @@
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/trace/trace_exact.h"
+#include "pipeline/trace/trace_tile.h"
 #include "tests/bench/vary_scan.h"
 #include "tests/property.h"
 #include "tests/shapes.h"
@@ -46,7 +47,7 @@ Found compare(const Scan& mesh, const Scan& cloud) {
   const Level level = std::move(build_rbvh(device, cloud, config).levels[0]);
   const auto cast = [&](const auto& tracer, const CameraRays& camera) {
     const Buffer<Hit> hits(device, std::size_t{camera.width} * camera.height);
-    trace_camera(tracer, camera, hits);
+    tracer.intersect(camera, hits);
     return hits.read();
   };
   const ExactTracer exact_mesh = make_exact_tracer(device, mesh),

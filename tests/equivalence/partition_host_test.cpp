@@ -63,16 +63,16 @@ double tree_cost(const Partition& partition) {
 
 std::vector<std::vector<SplitRequest>> by_depth(const Partition& partition) {
   std::vector<std::vector<SplitRequest>> levels;
-  std::vector<std::pair<std::uint32_t, std::size_t>> open = {{0, 0}};
-  while (!open.empty()) {
-    const auto [n, depth] = open.back();
-    open.pop_back();
+  std::vector<std::pair<std::uint32_t, std::size_t>> stack = {{0, 0}};
+  while (!stack.empty()) {
+    const auto [n, depth] = stack.back();
+    stack.pop_back();
     const std::int32_t left = partition.nodes[n].left;
     if (left < 0) continue;
     levels.resize(std::max(levels.size(), depth + 1));
     levels[depth].push_back({n});
     for (std::uint32_t child = 0; child < 2; ++child)
-      open.emplace_back(static_cast<std::uint32_t>(left) + child, depth + 1);
+      stack.emplace_back(static_cast<std::uint32_t>(left) + child, depth + 1);
   }
   return levels;
 }

@@ -1,5 +1,5 @@
-// What must hold of any scan: height fields come back, and no hit is further from the scan than its level
-// says.
+// Properties of builds of any scan: height fields are reproduced, and no hit is further from the scan than
+// its level's error.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -7,8 +7,8 @@
 
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/rasterize.h"
 #include "pipeline/rbvh/texel.h"
-#include "pipeline/rbvh/tile.h"
 #include "pipeline/trace/trace_tile.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
@@ -57,7 +57,7 @@ TEST(Properties, RandomHeightFieldsComeBackWithinHalfAQuantum) {
     const Tile tile = rasterize_tiles(
         primitives, partition, {0},
         RasterConfig{.rho = uniform(random, 300, 3000) / partition.nodes[0].sums.area},
-        [](const Tile&) { return true; }, texels)[0];
+        [](const Tile&) { return LeafDecision::kRasterize; }, texels)[0];
     const TileFrame to_space(tile.leaf);
     const double quantum = length(to_space.w);
     int compared = 0;
@@ -111,8 +111,8 @@ TEST(Properties, AnyRaysHitLiesWithinTheLevelsStatedErrorOfTheScan) {
         // As `build --measure` states it.
         const double stated = sampled_distance(surface_of(level), surface, 200000).max;
         const Buffer<Hit> hits(device, rays.size());
-        trace_rays(make_tile_tracer(device, level), Buffer<Ray>(device, rays), hits, rays.size(),
-                   RayQuery::kNearest);
+        make_tile_tracer(device, level)
+            .intersect(Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest);
         double worst = 0;
         std::size_t found = 0;
         const std::vector<Hit> all = hits.read();
@@ -126,7 +126,7 @@ TEST(Properties, AnyRaysHitLiesWithinTheLevelsStatedErrorOfTheScan) {
         }
         EXPECT_GT(found, rays.size() / 3);
         // The largest distance is told from points, which can miss a peak; there are narrow ones where tiles
-        // must show what they cannot, since no leaf keeps its triangles.
+        // must show what they cannot, since no leaf falls back to exact triangles.
         const double slack = hybrid == Hybrid::kOff ? 1.6 : 1.05;
         EXPECT_LE(worst, slack * stated + 2e-6 * static_cast<double>(bounds(scan).diagonal()))
             << "scan " << k << " " << level.name << " hybrid " << static_cast<int>(hybrid);
@@ -149,7 +149,8 @@ Scan folded_globe(Random& random, int cells) {
   return scan;
 }
 
-/// Is the point where a march finds heights? Within `slack` of a texel's cell with no empty corner, that is.
+/// Whether a ray can find the point in the tile: it lies within `slack` texels of a cell with no empty
+/// corner.
 bool is_in_whole_cell(const Level& level, const RbvhLeaf& leaf, Vec3f p, float slack) {
   const float* m = leaf.to_tile;
   const float u = m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3],
@@ -167,7 +168,7 @@ bool is_in_whole_cell(const Level& level, const RbvhLeaf& leaf, Vec3f p, float s
   return false;
 }
 
-bool meets(const RbvhNode& node, const Bounds3f& box) {
+bool overlaps(const RbvhNode& node, const Bounds3f& box) {
   for (int axis = 0; axis < 3; ++axis)
     if (box.hi[axis] < node.lo[axis] || box.lo[axis] > node.hi[axis]) return false;
   return true;
@@ -179,7 +180,7 @@ std::array<float, 9> corners(const Scan& scan, const Triangle& triangle) {
   return all;
 }
 
-TEST(Properties, WhatNoTileShowsIsKept) {
+TEST(Properties, UncoveredTrianglesAreExact) {
   Random random(property_seed());
   const Device device = Device::open();
   for (int trial = 0; trial < 4; ++trial) {
@@ -190,12 +191,12 @@ TEST(Properties, WhatNoTileShowsIsKept) {
     std::size_t primitives = 0;
     for (const RbvhLeaf& leaf : level.leaves) primitives += leaf.primitives;
     EXPECT_EQ(primitives, scan.triangles.size()) << "trial " << trial;
-    std::set<std::array<float, 9>> kept;  // corners of triangles
+    std::set<std::array<float, 9>> exact_triangles;  // corners of triangles
     std::vector<bool> is_exact(level.leaves.size());
     for (const RbvhExactLeaf& exact : level.exact_leaves) {
       is_exact[exact.leaf] = true;
       for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
-        kept.insert(std::to_array(level.exact_primitives[exact.first + i].shape));
+        exact_triangles.insert(std::to_array(level.exact_primitives[exact.first + i].shape));
       }
     }
     std::size_t lost = 0, tried = 0;
@@ -203,12 +204,12 @@ TEST(Properties, WhatNoTileShowsIsKept) {
       const Vec3f a = scan.positions[t[0]], ab = scan.positions[t[1]] - a, ac = scan.positions[t[2]] - a;
       if (!(length(cross(ab, ac)) > 1e-9f)) continue;  // at the poles
       ++tried;
-      if (kept.contains(corners(scan, t))) continue;
+      if (exact_triangles.contains(corners(scan, t))) continue;
       Bounds3f box;
       for (const std::uint32_t corner : t) box.add(scan.positions[corner]);
       std::vector<const RbvhNode*> near;
       for (const RbvhNode& node : level.nodes)
-        if (node.count == 1 && !is_exact[node.first] && meets(node, box)) near.push_back(&node);
+        if (node.count == 1 && !is_exact[node.first] && overlaps(node, box)) near.push_back(&node);
       for (int i = 0; i < 20; ++i) {
         const float u = uniform(random, 0, 1), v = uniform(random, 0, 1);
         const Vec3f p = a + (u + v > 1 ? ab * (1 - u) + ac * (1 - v) : ab * u + ac * v);

@@ -489,7 +489,7 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
     Buffer<std::uint32_t> steps(device, rays.size());
     hits.fill(0xcd);
     steps.fill(0);
-    trace_camera(method.tracer, words, hits, &steps);
+    method.tracer.intersect(words, hits, &steps);
     EXPECT_GT(compare(scan, rays, hits.read(), RayQuery::kNearest), rays.size() * 9 / 10);
     std::uint64_t total = 0;
     for (const std::uint32_t count : steps.read()) total += count;
@@ -502,8 +502,8 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
       for (float& position : inside.position) position *= 0.01f;
       Buffer<Hit> others(device, rays.size());
       for (const CameraRays& c : {words, inside}) {
-        trace_camera(method.tracer, c, hits);
-        trace_camera(alone, c, others);
+        method.tracer.intersect(c, hits);
+        alone.intersect(c, others);
         const std::vector<Hit> a = hits.read(), b = others.read();
         for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(is_same(a[i], b[i])) << i;
       }

@@ -48,11 +48,11 @@ TEST(Footprint, EachRaySeesItsLevelAndNoneSlipsThrough) {
   const std::size_t count = 320 * 240;
   const Buffer<Hit> hits(strip.device, count);
   const Buffer<std::uint32_t> steps(strip.device, count);
-  trace_camera(tracer, rays, hits, &steps);
+  tracer.intersect(rays, hits, &steps);
   const std::vector<Hit> found = hits.read();
   std::vector<std::vector<Hit>> alone;
   for (const TileTracer& level : tracer.levels) {
-    trace_camera(level, rays, hits);
+    level.intersect(rays, hits);
     alone.push_back(hits.read());
   }
   const float pixel = length(Vec3f{rays.right[0], rays.right[1], rays.right[2]});
@@ -92,13 +92,13 @@ TEST(Footprint, RaysWithoutAWidthSeeTheFinest) {
     rays.push_back({{0.08f * static_cast<float>(i), 0.3f, 5}, 0, {0.1f, 0, -2}, 100});
   const Buffer<Ray> buffer(strip.device, rays);
   const Buffer<Hit> hits(strip.device, rays.size());
-  trace_rays(make_tile_tracer(strip.device, strip.rbvh.levels[0]), buffer, hits, rays.size(),
-             RayQuery::kNearest);
+  make_tile_tracer(strip.device, strip.rbvh.levels[0])
+      .intersect(buffer, hits, rays.size(), RayQuery::kNearest);
   const std::vector<Hit> finest = hits.read();
   const float wide = 2.0f;
   for (const float spread : {0.0f, wide}) {
     const FootprintTracer tracer = make_footprint_tracer(strip.device, strip.rbvh, spread);
-    trace_rays(tracer, buffer, hits, rays.size(), RayQuery::kNearest);
+    tracer.intersect(buffer, hits, rays.size(), RayQuery::kNearest);
     const std::vector<Hit> found = hits.read();
     for (std::size_t i = 0; i < rays.size(); ++i) {
       if (!std::isfinite(found[i].t)) continue;

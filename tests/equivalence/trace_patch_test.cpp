@@ -1,6 +1,7 @@
-// Proxies traced untessellated against their tessellated twins, ray by ray: the twin traced exactly, whose
-// hits they must have to the last bit, and brute force in double precision that shares no code with either.
-// Closed proxies let no ray out, whatever the levels of their patches; every way of tracing finds the same.
+// Proxies traced untessellated against their tessellated references, ray by ray: the reference traced
+// exactly, whose hits they must have to the last bit, and brute force in double precision that shares no code
+// with either. Closed proxies let no ray out, whatever the levels of their patches; every way of tracing
+// finds the same.
 #include "pipeline/trace/trace_patch.h"
 
 #include <gtest/gtest.h>
@@ -19,17 +20,17 @@ namespace rbvh {
 namespace {
 
 /// A tessellated proxy and where its triangles come from.
-struct Twin {
+struct Reference {
   Scan mesh;
   std::vector<std::uint32_t> patches;
   ExactTracer tracer;
 };
 
-Twin make_twin(const Device& device, const Proxy& proxy, const std::vector<PatchLevel>& levels) {
-  Twin twin;
-  twin.mesh = tessellate(proxy, levels, &twin.patches);
-  twin.tracer = make_exact_tracer(device, twin.mesh);
-  return twin;
+Reference make_reference(const Device& device, const Proxy& proxy, const std::vector<PatchLevel>& levels) {
+  Reference reference;
+  reference.mesh = tessellate(proxy, levels, &reference.patches);
+  reference.tracer = make_exact_tracer(device, reference.mesh);
+  return reference;
 }
 
 Proxy mushroom_ball(std::uint32_t n, std::vector<std::uint32_t> levels) {
@@ -48,10 +49,10 @@ class TracePatch : public TraceTest {
  protected:
   Device device = Device::open();
 
-  /// The same t to the last bit, the same patch unless two meet there, the same normal and side.
-  void expect_same(const Twin& twin, const std::vector<Ray>& rays, const std::vector<Hit>& hits,
+  /// The same t to the last bit, the same patch unless two are equally near, the same normal and side.
+  void expect_same(const Reference& reference, const std::vector<Ray>& rays, const std::vector<Hit>& hits,
                    double most_on_borders = 0.02) {
-    const std::vector<Hit> exact = cast(twin.tracer, rays);
+    const std::vector<Hit> exact = cast(reference.tracer, rays);
     std::size_t other_patch = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
       ASSERT_EQ(hits[i].t, exact[i].t) << "ray " << i;
@@ -60,7 +61,7 @@ class TracePatch : public TraceTest {
         ASSERT_EQ(hits[i].flags, 0u);
         continue;
       }
-      if (hits[i].leaf != twin.patches[exact[i].leaf]) {
+      if (hits[i].leaf != reference.patches[exact[i].leaf]) {
         ++other_patch;  // on a border, where both are as near
         continue;
       }
@@ -78,19 +79,19 @@ class TracePatch : public TraceTest {
     EXPECT_LE(static_cast<double>(other_patch), most_on_borders * static_cast<double>(rays.size()));
   }
 
-  /// Brute force: every triangle of the twin in double precision. A ray within rounding of an edge is not
-  /// judged.
-  void expect_right(const Twin& twin, const std::vector<Ray>& rays, const std::vector<Hit>& hits) {
+  /// Brute force: every triangle of the reference in double precision. A ray within rounding of an edge is
+  /// not judged.
+  void expect_right(const Reference& reference, const std::vector<Ray>& rays, const std::vector<Hit>& hits) {
     std::size_t judged = 0;
     for (std::size_t r = 0; r < rays.size(); ++r) {
       const oracle::Point o = {rays[r].origin[0], rays[r].origin[1], rays[r].origin[2]};
       const oracle::Point d = {rays[r].direction[0], rays[r].direction[1], rays[r].direction[2]};
       double nearest = kInfinity;
       bool doubt = false;
-      for (const Triangle& t : twin.mesh.triangles) {
-        const oracle::Meeting m =
-            oracle::intersect_triangle(point(twin.mesh.positions[t[0]]), point(twin.mesh.positions[t[1]]),
-                                       point(twin.mesh.positions[t[2]]), o, d);
+      for (const Triangle& t : reference.mesh.triangles) {
+        const oracle::Meeting m = oracle::intersect_triangle(point(reference.mesh.positions[t[0]]),
+                                                             point(reference.mesh.positions[t[1]]),
+                                                             point(reference.mesh.positions[t[2]]), o, d);
         if (!m.crosses) continue;
         doubt =
             doubt || (std::abs(m.inside) < 1e-3 && m.t > rays[r].tmin - 1e-3 && m.t < rays[r].tmax + 1e-3);
@@ -108,12 +109,12 @@ class TracePatch : public TraceTest {
   }
 
   /// Rays from inside a closed surface, at its vertices, edges, and anywhere.
-  void expect_closed(const PatchTracer& tracer, const Twin& twin) {
+  void expect_closed(const PatchTracer& tracer, const Reference& reference) {
     std::vector<Ray> rays;
     for (const Vec3f& o : {Vec3f{0, 0, 0}, Vec3f{0.1f, 0.2f, -0.15f}}) {
       for (int i = 0; i < 4000; ++i) {
-        const Triangle& t = twin.mesh.triangles[random() % twin.mesh.triangles.size()];
-        const Vec3f &a = twin.mesh.positions[t[0]], &b = twin.mesh.positions[t[1]];
+        const Triangle& t = reference.mesh.triangles[random() % reference.mesh.triangles.size()];
+        const Vec3f &a = reference.mesh.positions[t[0]], &b = reference.mesh.positions[t[1]];
         rays.push_back(make_ray(o, a - o));
         rays.push_back(make_ray(o, a + (b - a) * uniform(random, 0, 1) - o));
         rays.push_back(make_ray(o, uniform_direction(random)));
@@ -124,19 +125,19 @@ class TracePatch : public TraceTest {
   }
 };
 
-TEST_F(TracePatch, HitsAreTheTwinsAtEveryLevel) {
+TEST_F(TracePatch, HitsAreTheReferencesAtEveryLevel) {
   for (const std::uint32_t level : {0u, 1u, 2u, 3u, 4u, 5u}) {
     SCOPED_TRACE(level);
     const Proxy proxy = mushroom_ball(level < 3 ? 6 : 3, {level});
     const PatchTracer tracer = make_patch_tracer(device, proxy);
-    const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
-    const std::vector<Ray> rays = random_rays(random, twin.mesh, 2000),
-                           edges = exact_rays(random, twin.mesh, 500);
+    const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
+    const std::vector<Ray> rays = random_rays(random, reference.mesh, 2000),
+                           edges = exact_rays(random, reference.mesh, 500);
     const std::vector<Hit> hits = cast(tracer, rays);
-    expect_same(twin, rays, hits);
-    expect_same(twin, edges, cast(tracer, edges), 1);  // all of them at vertices
-    if (level < 3) expect_right(twin, {rays.begin(), rays.begin() + 200}, hits);
-    expect_closed(tracer, twin);
+    expect_same(reference, rays, hits);
+    expect_same(reference, edges, cast(tracer, edges), 1);  // all of them at vertices
+    if (level < 3) expect_right(reference, {rays.begin(), rays.begin() + 200}, hits);
+    expect_closed(tracer, reference);
     if (HasFailure()) return;
   }
 }
@@ -168,10 +169,10 @@ TEST_F(TracePatch, PatchesOfDifferentLevelsDoNotCrack) {
         ASSERT_LT(least, most);
         resolve_everything(tracer);
       }
-      const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
-      expect_closed(tracer, twin);
-      const std::vector<Ray> rays = random_rays(random, twin.mesh, 1500);
-      expect_same(twin, rays, cast(tracer, rays));
+      const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
+      expect_closed(tracer, reference);
+      const std::vector<Ray> rays = random_rays(random, reference.mesh, 1500);
+      expect_same(reference, rays, cast(tracer, rays));
       if (!tiles_differ) {
         ProxyConfig config;
         config.few_rays = 1000000;
@@ -179,7 +180,7 @@ TEST_F(TracePatch, PatchesOfDifferentLevelsDoNotCrack) {
         const PatchTracer unbuilt = make_patch_tracer(device, proxy, config);
         set_detail(unbuilt, *camera_used);
         resolve_everything(unbuilt);
-        expect_same(twin, rays, cast(unbuilt, rays));
+        expect_same(reference, rays, cast(unbuilt, rays));
         EXPECT_GT(stats(unbuilt).unbuilt_rays, 0u);
       }
       if (HasFailure()) return;
@@ -190,14 +191,13 @@ TEST_F(TracePatch, PatchesOfDifferentLevelsDoNotCrack) {
 TEST_F(TracePatch, NothingDependsOnHowItIsTraced) {
   const Proxy proxy = mushroom_ball(3, {4});
   const PatchTracer usual = make_patch_tracer(device, proxy);
-  const Twin twin = make_twin(device, proxy, levels_in_use(usual));
-  const std::vector<Ray> rays = random_rays(random, twin.mesh, 3000);
-  ProxyConfig gathered, in_order, one_pair, many_pairs, small_cache, nothing_kept, unbuilt, alone;
+  const Reference reference = make_reference(device, proxy, levels_in_use(usual));
+  const std::vector<Ray> rays = random_rays(random, reference.mesh, 3000);
+  ProxyConfig gathered, one_item, many_items, small_cache, nothing_kept, unbuilt, alone;
   gathered.at_once = false;
-  in_order.at_once = in_order.atomics = false;
-  one_pair.pairs = 1;
-  many_pairs.at_once = false;
-  many_pairs.pairs = kMostPairs;
+  one_item.items = 1;
+  many_items.at_once = false;
+  many_items.items = kMostItems;
   small_cache.cache_bytes = 40000;  // three patches
   nothing_kept.keep = false;
   unbuilt.few_rays = 1000000;
@@ -206,7 +206,7 @@ TEST_F(TracePatch, NothingDependsOnHowItIsTraced) {
   const auto check = [&](const Device& on, const ProxyConfig& config, const char* name) {
     SCOPED_TRACE(name);
     const PatchTracer tracer = make_patch_tracer(on, proxy, config);
-    for (int frame = 0; frame < 2; ++frame) expect_same(twin, rays, cast(tracer, rays));
+    for (int frame = 0; frame < 2; ++frame) expect_same(reference, rays, cast(tracer, rays));
     const std::vector<Hit> nearest = cast(tracer, rays), any = cast(tracer, rays, RayQuery::kAny);
     for (std::size_t i = 0; i < rays.size(); ++i) {
       ASSERT_EQ(is_hit(any[i]), is_hit(nearest[i])) << "ray " << i;
@@ -217,26 +217,24 @@ TEST_F(TracePatch, NothingDependsOnHowItIsTraced) {
   check(device, {}, "usual");
   check(device, alone, "no packets");
   check(device, gathered, "gathered");
-  check(device, in_order, "in order");
-  check(device, one_pair, "one pair a round");
-  check(device, many_pairs, "many pairs a round");
+  check(device, one_item, "one work item a round");
+  check(device, many_items, "many work items a round");
   check(device, small_cache, "small cache");
   check(device, nothing_kept, "nothing kept");
   check(device, unbuilt, "nothing built");
   check(device.as_gpu(), unbuilt, "a GPU's code, nothing built");
-  check(device.as_gpu(), in_order, "a GPU's code, in order");
   check(device.as_gpu(), gathered, "a GPU's code, gathered");
   check(device.as_gpu(), {}, "a GPU's code");
 }
 
-// Neighbours that stay together are cast 16 at a time; so are those that nearly do, or hit nothing, or end
+// Coherent neighbours are cast 16 at a time, and so are those that are nearly coherent, hit nothing, or end
 // early.
-TEST_F(TracePatch, RaysThatStayTogetherFindWhatEachFindsAlone) {
+TEST_F(TracePatch, CoherentRaysFindWhatEachFindsAlone) {
   const std::vector<std::uint32_t> mixed = random_levels(random, quad_sphere(3).quads.size(), 6);
   for (const std::vector<std::uint32_t>& levels : {std::vector<std::uint32_t>{5}, {4}, mixed}) {
     const Proxy proxy = mushroom_ball(3, levels);
     const PatchTracer tracer = make_patch_tracer(device, proxy);
-    const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
+    const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
     std::vector<Ray> rays;
     for (int beam = 0; beam < 400; ++beam) {
       const bool is_axial = beam % 5 == 0;
@@ -252,12 +250,12 @@ TEST_F(TracePatch, RaysThatStayTogetherFindWhatEachFindsAlone) {
         rays.push_back(ray);
       }
     }
-    for (int frame = 0; frame < 2; ++frame) expect_same(twin, rays, cast(tracer, rays));
+    for (int frame = 0; frame < 2; ++frame) expect_same(reference, rays, cast(tracer, rays));
     const Buffer<Ray> ray_buffer(device, rays);
     const Buffer<Hit> hits(device, rays.size());
     for (const std::uint32_t row : {1u, 2u, 37u, 40u, 6000u, 7000u}) {  // whatever the rows
-      trace_rays(tracer, ray_buffer, hits, rays.size(), RayQuery::kNearest, nullptr, row);
-      expect_same(twin, rays, hits.read());
+      intersect_rows(tracer, ray_buffer, hits, rays.size(), RayQuery::kNearest, nullptr, row);
+      expect_same(reference, rays, hits.read());
     }
     if (HasFailure()) return;
   }
@@ -275,10 +273,10 @@ TEST_F(TracePatch, DeepLevelsFollowComputedLinks) {
   ProxyConfig config;
   config.cache_bytes = std::size_t{16} << 20;
   const PatchTracer tracer = make_patch_tracer(device, proxy, config);
-  const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
-  const std::vector<Ray> rays = random_rays(random, twin.mesh, 1000);
-  expect_same(twin, rays, cast(tracer, rays));
-  expect_same(twin, rays, cast(make_patch_tracer(device.as_gpu(), proxy, config), rays));
+  const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
+  const std::vector<Ray> rays = random_rays(random, reference.mesh, 1000);
+  expect_same(reference, rays, cast(tracer, rays));
+  expect_same(reference, rays, cast(make_patch_tracer(device.as_gpu(), proxy, config), rays));
 }
 
 TEST_F(TracePatch, RaysThatResolveLessTakeBoxes) {
@@ -292,11 +290,11 @@ TEST_F(TracePatch, RaysThatResolveLessTakeBoxes) {
   for (const Device& on : {device, device.as_gpu()}) {
     const PatchTracer tracer = make_patch_tracer(on, proxy);
     const Buffer<Hit> buffer(device, 96 * 96);
-    trace_camera(tracer, rays, buffer);
+    tracer.intersect(rays, buffer);
     const std::vector<Hit> hits = buffer.read();
-    const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
+    const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
     const Buffer<Hit> exact_buffer(device, 96 * 96);
-    trace_camera(twin.tracer, rays, exact_buffer);
+    reference.tracer.intersect(rays, exact_buffer);
     const std::vector<Hit> exact = exact_buffer.read();
     std::size_t holes = 0, fat = 0, far = 0, found = 0;
     const double pixel = length(Vec3d{rays.right[0], rays.right[1], rays.right[2]});
@@ -354,15 +352,15 @@ TEST_F(TracePatch, InstancesAreTheMovedMesh) {
     }
     const ExactTracer exact = make_exact_tracer(device, mesh);
     const std::vector<Ray> rays = random_rays(random, mesh, 4000);
-    const std::vector<Hit> hits = cast(tracer, rays), twin = cast(exact, rays);
+    const std::vector<Hit> hits = cast(tracer, rays), reference = cast(exact, rays);
     std::size_t differing = 0, found = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      found += is_hit(twin[i]);
-      const bool same =
-          is_hit(hits[i]) == is_hit(twin[i]) &&
-          (!is_hit(hits[i]) || (hits[i].leaf == leaves[twin[i].leaf] &&
-                                std::abs(hits[i].t - twin[i].t) <= 1e-4f * std::abs(twin[i].t) + 1e-5f &&
-                                dot(normal_of(hits[i]), normal_of(twin[i])) > 0.99f));
+      found += is_hit(reference[i]);
+      const bool same = is_hit(hits[i]) == is_hit(reference[i]) &&
+                        (!is_hit(hits[i]) ||
+                         (hits[i].leaf == leaves[reference[i].leaf] &&
+                          std::abs(hits[i].t - reference[i].t) <= 1e-4f * std::abs(reference[i].t) + 1e-5f &&
+                          dot(normal_of(hits[i]), normal_of(reference[i])) > 0.99f));
       differing += !same;
     }
     EXPECT_GT(found, 1000u);
@@ -375,9 +373,9 @@ TEST_F(TracePatch, ACacheThatHoldsNoPatchIsRefusedOrDoneWithout) {
   config.cache_bytes = 1000;
   const Proxy large = mushroom_ball(1, {5});
   const PatchTracer slow = make_patch_tracer(device, large, config);
-  const Twin twin = make_twin(device, large, levels_in_use(slow));
-  const std::vector<Ray> rays = random_rays(random, twin.mesh, 300);
-  expect_same(twin, rays, cast(slow, rays));
+  const Reference reference = make_reference(device, large, levels_in_use(slow));
+  const std::vector<Ray> rays = random_rays(random, reference.mesh, 300);
+  expect_same(reference, rays, cast(slow, rays));
   EXPECT_EQ(stats(slow).built, 0u);
   const Proxy proxy = mushroom_ball(1, {3});
   const PatchTracer tracer = make_patch_tracer(device, proxy, config);
@@ -390,13 +388,13 @@ TEST_F(TracePatch, ACacheThatHoldsNoPatchIsRefusedOrDoneWithout) {
   }
 }
 
-TEST_F(TracePatch, FewRaysMeetPatchesUnbuilt) {
+TEST_F(TracePatch, FewRaysIntersectPatchesUnbuilt) {
   const Proxy proxy = mushroom_ball(3, {5});
   const PatchTracer tracer = make_patch_tracer(device, proxy);
-  const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
-  const std::vector<Ray> rays = random_rays(random, twin.mesh, 40);
+  const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
+  const std::vector<Ray> rays = random_rays(random, reference.mesh, 40);
   for (int i = 0; i < 5; ++i) {  // again and again: then it is built after all
-    expect_same(twin, rays, cast(tracer, rays), 0.1);
+    expect_same(reference, rays, cast(tracer, rays), 0.1);
     if (i == 0) {
       EXPECT_GT(stats(tracer).unbuilt_rays, 10u);
     }
@@ -407,15 +405,15 @@ TEST_F(TracePatch, FewRaysMeetPatchesUnbuilt) {
 TEST_F(TracePatch, TheCacheServesLaterCasts) {
   const Proxy proxy = mushroom_ball(3, {4});
   const PatchTracer tracer = make_patch_tracer(device, proxy);
-  const Twin twin = make_twin(device, proxy, levels_in_use(tracer));
-  const std::vector<Ray> rays = random_rays(random, twin.mesh, 5000);
+  const Reference reference = make_reference(device, proxy, levels_in_use(tracer));
+  const std::vector<Ray> rays = random_rays(random, reference.mesh, 5000);
   std::vector<std::uint32_t> steps;
   const std::vector<Hit> first = cast(tracer, rays, RayQuery::kNearest, &steps);
   EXPECT_GT(stats(tracer).built, 0u);
   EXPECT_LE(stats(tracer).built, proxy.quads.size());
   stats(tracer) = {};
   const std::vector<Hit> second = cast(tracer, rays, RayQuery::kNearest, &steps);
-  EXPECT_EQ(stats(tracer).pairs, 0u);
+  EXPECT_EQ(stats(tracer).items, 0u);
   EXPECT_EQ(stats(tracer).built, 0u);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     ASSERT_EQ(first[i].t, second[i].t);
@@ -426,7 +424,7 @@ TEST_F(TracePatch, TheCacheServesLaterCasts) {
   set_detail(tracer, 3);
   cast(tracer, rays);
   EXPECT_GT(stats(tracer).built, 0u);
-  const Twin coarse = make_twin(device, proxy, levels_in_use(tracer));
+  const Reference coarse = make_reference(device, proxy, levels_in_use(tracer));
   expect_same(coarse, rays, cast(tracer, rays));
 }
 

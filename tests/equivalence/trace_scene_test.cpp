@@ -88,9 +88,10 @@ TEST_F(TraceScene, IsTheMeshOfAllItsInstances) {
   const Scan ball = globe(random, 8, 12), tiles = grid(4, 0);
   const Proxy proxy = displaced(quad_sphere(2), level, [](Vec3f p) { return mushrooms(p, 0.15f); });
   std::vector<std::uint32_t> patches;
-  const Scan twin = tessellate(proxy, 3, &patches);
+  const Scan reference = tessellate(proxy, 3, &patches);
   Scene scene;
-  scene.objects = {object(ball, bounds(ball)), object(proxy, bounds(twin)), object(tiles, bounds(tiles))};
+  scene.objects = {object(ball, bounds(ball)), object(proxy, bounds(reference)),
+                   object(tiles, bounds(tiles))};
   for (int i = 0; i < 12; ++i)
     scene.instances.push_back({static_cast<std::uint32_t>(i % 3), random_transform(random, i % 2 == 0)});
   const std::vector<std::uint32_t> first = first_leaves(scene);
@@ -98,7 +99,7 @@ TEST_F(TraceScene, IsTheMeshOfAllItsInstances) {
   Scan all;
   std::vector<std::uint32_t> leaves;
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
-    const Scan* const meshes[] = {&ball, &twin, &tiles};
+    const Scan* const meshes[] = {&ball, &reference, &tiles};
     add_moved(all, leaves, *meshes[i % 3], scene.instances[i], first[i], i % 3 == 1 ? &patches : nullptr);
   }
   const std::vector<Ray> rays = random_rays(random, all, 4000);
@@ -160,7 +161,7 @@ TEST_F(TraceScene, ALevelOfAPairIsWhereItIsPlaced) {
   }
   EXPECT_GT(found, 200u);
   EXPECT_LE(differing, found / 50);
-  const SurfaceSamples samples = sample_surface(scene, b);
+  const SurfaceSamples samples = tracer.surface(b);
   for (std::size_t i = 0; i < b.size(); ++i) {
     if (b[i].leaf == RBVH_NO_LEAF) continue;
     const Vec3f n = {b[i].normal[0], b[i].normal[1], b[i].normal[2]};

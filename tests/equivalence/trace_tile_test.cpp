@@ -28,7 +28,7 @@ std::vector<Hit> trace(const Level& level, const std::vector<Ray>& rays,
   const Device device = Device::open();
   const TileTracer tracer = make_tile_tracer(device, level);
   const Buffer<Hit> hits(device, rays.size());
-  trace_rays(tracer, Buffer<Ray>(device, rays), hits, rays.size(), query);
+  tracer.intersect(Buffer<Ray>(device, rays), hits, rays.size(), query);
   return hits.read();
 }
 
@@ -112,7 +112,7 @@ TEST(TraceTile, PacketsAndSingleRaysAgree) {
   const std::vector<Hit> single = trace(level, rays);
   const Device device = Device::open();
   const Buffer<Hit> hits(device, rays.size());
-  trace_camera(make_tile_tracer(device, level), camera, hits);
+  make_tile_tracer(device, level).intersect(camera, hits);
   const std::vector<Hit> packets = hits.read();
   std::size_t hit_count = 0, differ = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -239,8 +239,8 @@ TEST(TraceTile, AMapToTheTileThatIsTooLargeDoesNotHang) {
   const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
   const Device device = Device::open();
   const Buffer<Hit> hits(device, 64 * 64);
-  trace_camera(make_tile_tracer(device, level), camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 64, 64),
-               hits);
+  make_tile_tracer(device, level)
+      .intersect(camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 64, 64), hits);
   EXPECT_EQ(hits.read().size(), 64u * 64);
 }
 
@@ -441,11 +441,11 @@ std::string traced_out_of_bounds(const Device& device, const TileTracer& tracer,
       errors.back() = error.what();
     }
   };
-  run([&] { trace_rays(tracer, Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest); });
-  run([&] { trace_camera(tracer, camera, hits); });
+  run([&] { tracer.intersect(Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest); });
+  run([&] { tracer.intersect(camera, hits); });
   TileTracer pixels = tracer;
   pixels.device = device.as_gpu();
-  run([&] { trace_camera(pixels, camera, hits); });
+  run([&] { pixels.intersect(camera, hits); });
   for (const std::string& error : errors) EXPECT_EQ(error.empty(), errors[0].empty()) << errors[0] << error;
   return errors[0];
 }

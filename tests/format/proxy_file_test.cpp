@@ -131,8 +131,8 @@ TEST_F(ProxyFile, SidecarsThatLieAreRefused) {
   const std::vector<std::array<std::string, 3>> lies = {
       {"rbvh proxy", "other", "is no sidecar of a proxy"},
       {"\"version\": [\n  1,", "\"version\": [\n  2,", "has version 2.0"},
-      {"\"space\": \"object\"", "\"space\": \"tangent\"", "rbvh proxy --vdm"},
-      {"\"midlevel\": 0", "\"midlevel\": 0.5", "rbvh proxy --vdm"},
+      {"\"space\": \"object\"", "\"space\": \"tangent\"", "another space, order, scale or midlevel"},
+      {"\"midlevel\": 0", "\"midlevel\": 0.5", "another space, order, scale or midlevel"},
       {"\"scale\": 1", "\"scale\": \"1\"", "'scale' is no number"},
       {"\"width\": 8", "\"width\": 16", "texture coordinates"},
       {"\"height\": 5", "\"height\": 0", "no texels"},

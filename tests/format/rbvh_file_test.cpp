@@ -2,130 +2,19 @@
 #include "io/rbvh_file.h"
 
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <limits>
-#include <optional>
-#include <thread>
 
-#include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/check_rbvh.h"
-#include "tests/format/pair_bytes.h"
+#include "tests/format/pair_test.h"
 
 namespace rbvh {
 namespace {
-namespace fs = std::filesystem;
-
-class RbvhFileTest : public testing::Test {
- protected:
-  RbvhFileTest() {
-    std::string pattern = (fs::temp_directory_path() / "rbvh_pair_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-  }
-  ~RbvhFileTest() override { fs::remove_all(folder_); }
-
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-  std::size_t files() const {
-    return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()));
-  }
-  // The one line that reading `name` fails with.
-  std::string refusal(const std::string& name) const {
-    try {
-      read_rbvh(path(name));
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
-      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
-      return error.what();
-    }
-    return {};
-  }
-  // How a.rbvh is refused after `damage` to its bytes and a new seal.
-  std::string refusal_after(const std::function<void(Bytes&)>& damage) const {
-    write_rbvh(path("a.rbvh"), make_small_rbvh(), true);
-    Bytes bytes = read_bytes(path("a.rbvh"));
-    damage(bytes);
-    reseal(bytes);
-    write_bytes(path("a.rbvh"), bytes);
-    return refusal("a.rbvh");
-  }
-  // The same, with a changed struct in the place of the first one that equals `from`.
-  template <class T>
-  std::string refusal_with(const T& from, const std::function<void(T&)>& change) const {
-    return refusal_after([&](Bytes& bytes) {
-      for (std::size_t at = 0; at + sizeof(T) <= bytes.size(); at += 4)
-        if (std::memcmp(bytes.data() + at, &from, sizeof(T)) == 0) {
-          T to = from;
-          change(to);
-          return put(bytes, at, to);
-        }
-      ADD_FAILURE() << "no such struct";
-    });
-  }
-
-  fs::path folder_;
-};
-
-void expect_contains(const std::string& text, const std::string& part) {
-  EXPECT_NE(text.find(part), std::string::npos) << '"' << text << "\" lacks \"" << part << '"';
-}
-
-void expect_equal(const Rbvh& a, const Rbvh& b) {
-  EXPECT_EQ(a.source.name, b.source.name);
-  EXPECT_EQ(a.source.hash, b.source.hash);
-  EXPECT_EQ(a.source.vertices, b.source.vertices);
-  EXPECT_EQ(a.source.triangles, b.source.triangles);
-  EXPECT_EQ(a.source.area, b.source.area);
-  EXPECT_EQ(a.source.shift, b.source.shift);
-  EXPECT_EQ(a.source.units, b.source.units);
-  EXPECT_EQ(a.source.bounds.hi, b.source.bounds.hi);
-  EXPECT_EQ(a.build_options, b.build_options);
-  ASSERT_EQ(a.levels.size(), b.levels.size());
-  for (std::size_t i = 0; i < a.levels.size(); ++i) {
-    const Level &p = a.levels[i], &q = b.levels[i];
-    EXPECT_EQ(p.name, q.name);
-    EXPECT_EQ(p.rho, q.rho);
-    EXPECT_EQ(p.alpha, q.alpha);
-    EXPECT_EQ(p.phi_degrees, q.phi_degrees);
-    EXPECT_EQ(p.bounds.lo, q.bounds.lo);
-    EXPECT_EQ(p.texels_used, q.texels_used);
-    ASSERT_EQ(p.nodes.size(), q.nodes.size());
-    EXPECT_EQ(std::memcmp(p.nodes.data(), q.nodes.data(), p.nodes.size() * sizeof(RbvhNode)), 0);
-    ASSERT_EQ(p.leaves.size(), q.leaves.size());
-    EXPECT_EQ(std::memcmp(p.leaves.data(), q.leaves.data(), p.leaves.size() * sizeof(RbvhLeaf)), 0);
-    EXPECT_EQ(p.exact_discs, q.exact_discs);
-    ASSERT_EQ(p.exact_leaves.size(), q.exact_leaves.size());
-    for (std::size_t k = 0; k < p.exact_leaves.size(); ++k) {
-      EXPECT_EQ(p.exact_leaves[k].leaf, q.exact_leaves[k].leaf);
-      EXPECT_EQ(p.exact_leaves[k].first, q.exact_leaves[k].first);
-    }
-    ASSERT_EQ(p.exact_primitives.size(), q.exact_primitives.size());
-    for (std::size_t k = 0; k < p.exact_primitives.size(); ++k)
-      EXPECT_TRUE(std::equal(p.exact_primitives[k].shape, p.exact_primitives[k].shape + 9,
-                             q.exact_primitives[k].shape));
-    ASSERT_EQ(p.layers.size(), q.layers.size());
-    for (std::size_t k = 0; k < p.layers.size(); ++k) {
-      EXPECT_EQ(p.layers[k].name, q.layers[k].name);
-      EXPECT_EQ(p.layers[k].channels, q.layers[k].channels);
-      EXPECT_EQ(p.layers[k].texels, q.layers[k].texels);
-    }
-    EXPECT_EQ(p.fidelity.measured, q.fidelity.measured);
-    if (p.fidelity.measured) {
-      EXPECT_EQ(p.fidelity.mask_mismatch_percent, q.fidelity.mask_mismatch_percent);
-      EXPECT_EQ(p.fidelity.p99_dt, q.fidelity.p99_dt);
-      EXPECT_EQ(p.fidelity.walls, q.fidelity.walls);
-    }
-  }
-}
 
 // An atlas that neither side of a TIFF tile divides, and layers of every channel count.
 Rbvh make_large_rbvh() {
@@ -143,7 +32,7 @@ Rbvh make_large_rbvh() {
   return rbvh;
 }
 
-// The last two of the small pair's three leaves keep primitives, 2 and 1.
+// The last two of the small pair's three leaves have exact primitives, 2 and 1.
 Rbvh make_exact_rbvh() {
   Rbvh rbvh = make_small_rbvh();
   Level& level = rbvh.levels[0];
@@ -318,8 +207,8 @@ TEST_F(RbvhFileTest, HostileTiles) {
   };
   expect_contains(leaf([](RbvhLeaf& l) { l.width = 1; }), "at least 2");
   expect_contains(leaf([](RbvhLeaf& l) { l.height = 0; }), "at least 2");
-  expect_contains(leaf([](RbvhLeaf& l) { l.x = 4; }), "out of the atlas");
-  expect_contains(leaf([](RbvhLeaf& l) { l.y = 65535; }), "out of the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.x = 4; }), "beyond the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.y = 65535; }), "beyond the atlas");
   expect_contains(leaf([](RbvhLeaf& l) { l.width = 6; }), "overlap");
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[3] = std::nanf(""); }), "not finite");
   expect_contains(leaf([](RbvhLeaf& l) { l.to_tile[0] = 0; }), "inverted");
@@ -337,11 +226,12 @@ TEST_F(RbvhFileTest, HostilePrimitives) {
   expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 3; }), "leaf 3 of 3");
   expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 1; }), "out of order");
   expect_contains(fault([](Level& l) { l.exact_leaves[1].first = 1; }), "from number 1 on");
-  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "keeps 0");
-  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "keeps 4294967295");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "has 0 exact");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "has 4294967295 exact");
   expect_contains(fault([](Level& l) { l.exact_primitives.push_back({}); }),
-                  "4 primitives of which leaves keep 3");
-  expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }), "3 primitives of which leaves keep 0");
+                  "4 exact primitives, and leaves that use 3");
+  expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }),
+                  "3 exact primitives, and leaves that use 0");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[8] = std::nanf(""); }), "not finite");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[3] = -1; }), "radius is negative");
   expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[4] = 2; }), "not of length 1");
@@ -473,129 +363,9 @@ TEST_F(RbvhFileTest, AtlasOfAnotherSizeIsRefused) {
       << why;
 }
 
-TEST_F(RbvhFileTest, ReplacesOnlyWhenAsked) {
-  write_rbvh(path("a.rbvh"), make_small_rbvh(0), false);
-  EXPECT_THROW(write_rbvh(path("a.rbvh"), make_small_rbvh(1), false), Error);
-  EXPECT_THROW(check_rbvh_output(path("a.rbvh"), false), Error);
-  expect_equal(make_small_rbvh(0), read_rbvh(path("a.rbvh")));
-  fs::remove(path("a.rbvh"));
-  EXPECT_THROW(write_rbvh(path("a.rbvh"), make_small_rbvh(1), false), Error);  // the atlas is somebody's, too
-  EXPECT_EQ(files(), 1u);
-  check_rbvh_output(path("a.rbvh"), true);
-  write_rbvh(path("a.rbvh"), make_small_rbvh(1), true);
-  expect_equal(make_small_rbvh(1), read_rbvh(path("a.rbvh")));
-  EXPECT_EQ(files(), 2u);
-}
-
-// Whatever moment a replacement is cut off at, what is there is the old pair, the new one, or refused.
-TEST_F(RbvhFileTest, ReplacingIsWholeOrRefused) {
-  const Rbvh old_pair = make_small_rbvh(0), new_pair = make_small_rbvh(1);
-  write_rbvh(path("old.rbvh"), old_pair, false);
-  const Bytes old_hierarchy = read_bytes(path("old.rbvh"));
-  // Starts the replacement in a child, and kills it after `limit`.
-  using Clock = std::chrono::steady_clock;
-  const auto replace = [&](std::optional<Clock::duration> limit) {
-    write_rbvh(path("a.rbvh"), old_pair, true);
-    const Clock::time_point start = Clock::now();
-    const pid_t child = fork();
-    if (child == 0) {
-      set_thread_count(1);  // a fork has none of its parent's pools
-      write_rbvh(path("a.rbvh"), new_pair, true);
-      _exit(0);
-    }
-    if (limit) {
-      std::this_thread::sleep_for(*limit);
-      kill(child, SIGKILL);
-    }
-    waitpid(child, nullptr, 0);
-    return Clock::now() - start;
-  };
-  const Clock::duration undisturbed = replace({});
-  int seen_old = 0, seen_new = 0;
-  for (int run = 0; run < 60; ++run) {
-    replace(run * undisturbed / 30);  // up to twice the time it takes
-    const bool hierarchy_is_old = read_bytes(path("a.rbvh")) == old_hierarchy;
-    const std::string why = refusal("a.rbvh");
-    if (why.empty()) {
-      expect_equal(hierarchy_is_old ? old_pair : new_pair, read_rbvh(path("a.rbvh")));
-      ++(hierarchy_is_old ? seen_old : seen_new);
-    } else {
-      EXPECT_FALSE(hierarchy_is_old) << why;  // never an old hierarchy with a new atlas
-    }
-  }
-  EXPECT_GT(seen_old, 0);
-  EXPECT_GT(seen_new, 0);
-}
-
-// Every size limit below what is needed ends in one error and no file.
-TEST_F(RbvhFileTest, SizeLimits) {
-  const Rbvh rbvh = make_small_rbvh();
-  const RbvhBytes whole = write_rbvh(path("a.rbvh"), rbvh, false);
-  fs::remove(path("a.rbvh"));
-  fs::remove(path("a.atlas.tif"));
-  const std::uint64_t needed = std::max(whole.hierarchy, whole.atlas);
-  for (std::uint64_t limit = 0; limit <= needed; limit += limit + 64 < needed ? 37 : 1) {
-    const pid_t child = fork();
-    if (child == 0) {
-      set_thread_count(1);  // a fork has none of its parent's pools
-      install_interrupt_cleanup();
-      const rlimit bound{limit, limit};
-      setrlimit(RLIMIT_FSIZE, &bound);
-      try {
-        write_rbvh(path("a.rbvh"), rbvh, false);
-      } catch (const Error& error) {
-        const std::string what = error.what();
-        _exit(error.kind() == ErrorKind::kFailure && what.find('\n') == std::string::npos ? 1 : 8);
-      }
-      _exit(0);
-    }
-    int status = 0;
-    waitpid(child, &status, 0);
-    ASSERT_TRUE(WIFEXITED(status)) << limit;
-    ASSERT_EQ(WEXITSTATUS(status), limit < needed ? 1 : 0) << limit;
-    ASSERT_EQ(files(), limit < needed ? 0u : 2u) << limit;
-  }
-}
-
-TEST_F(RbvhFileTest, PairsNeedAFolder) {
-  const auto failure =
-      [&](const std::function<void()>& body) -> std::pair<std::optional<ErrorKind>, std::string> {
-    try {
-      body();
-    } catch (const Error& error) {
-      return {error.kind(), error.what()};
-    }
-    return {std::nullopt, ""};
-  };
-  const Rbvh rbvh = make_small_rbvh();
-  expect_contains(failure([&] { write_rbvh("/dev/full", rbvh, true); }).second, "no regular file");
-  EXPECT_EQ(failure([&] { check_rbvh_output("/dev/full", true); }).first, ErrorKind::kFailure);
-  EXPECT_FALSE(fs::exists("/dev/full.atlas.tif"));
-  EXPECT_EQ(failure([&] { check_rbvh_output("-", true); }).first, ErrorKind::kUsage);
-  EXPECT_EQ(failure([&] { check_rbvh_output(path("none/a.rbvh"), true); }).first, ErrorKind::kFailure);
-  EXPECT_EQ(failure([&] { read_rbvh("-"); }).first, ErrorKind::kInput);
-  EXPECT_EQ(failure([&] { read_rbvh(folder_.string()); }).first, ErrorKind::kInput);
-  EXPECT_EQ(files(), 0u);
-}
-
 TEST(AtlasPath, LiesBesideByStem) {
   EXPECT_EQ(atlas_path("x/a.b.rbvh"), "x/a.b.atlas.tif");
   EXPECT_EQ(atlas_path("a"), "a.atlas.tif");
-}
-
-/// The small pair with all that version 1.2 brought.
-Rbvh make_layered_rbvh() {
-  Rbvh rbvh = make_small_rbvh();
-  Level& level = rbvh.levels[0];
-  level.derived_from = "Q9";
-  level.fidelity = rbvh.levels[1].fidelity;
-  level.fidelity.more = {50,    1e-3f, 1,     5,     0.01f, std::numeric_limits<float>::infinity(),
-                         0.9f,  0.02f, 30,    0.95f, 1e-5f, 1e-3f,
-                         2e-5f, 2e-3f, 1e-4f, 8,     1024};
-  Layer layer{"wear", 2, {}, -1.5f, 4, 10, 7, {{0, 0, 5, 5}, {5, 0, 5, 5}, {0, 5, 10, 2}}};
-  for (std::uint32_t i = 0; i < 140; ++i) layer.texels.push_back(static_cast<std::uint16_t>(i * 331));
-  level.layers.push_back(layer);
-  return rbvh;
 }
 
 TEST_F(RbvhFileTest, LayersAndMeasuresComeBack) {
@@ -632,7 +402,7 @@ TEST_F(RbvhFileTest, LayersAndMeasuresAreChecked) {
   expect_contains(layer([&](Layer& l) { l.hi = nan; }), "range");
   expect_contains(layer([&](Layer& l) { l.hi = inf; }), "range");
   expect_contains(layer([](Layer& l) { l.tiles.pop_back(); }), "2 tiles for 3 leaves");
-  expect_contains(layer([](Layer& l) { l.tiles[1].x = 6; }), "reaches out");
+  expect_contains(layer([](Layer& l) { l.tiles[1].x = 6; }), "extends beyond");
   expect_contains(layer([](Layer& l) { l.tiles[1].height = 1; }), "too small");
   expect_contains(layer([](Layer& l) { l.tiles[1] = {0, 0, 10, 7}; }), "overlap");
   expect_contains(layer([](Layer& l) { l.width = 70000; }), "65535");
@@ -642,17 +412,6 @@ TEST_F(RbvhFileTest, LayersAndMeasuresAreChecked) {
   expect_contains(fault_after([&](Level& l) { l.fidelity.more.image_rmse = nan; }), "measure");
   expect_contains(fault_after([](Level& l) { l.fidelity.more.to_scan_max = -1; }), "measure");
   expect_contains(fault_after([](Level& l) { l.fidelity.more.image_ssim = 2; }), "similarity");
-}
-
-TEST_F(RbvhFileTest, NothingIsWrittenOverTheBytesAllowed) {
-  const Rbvh rbvh = make_layered_rbvh();
-  const RbvhBytes over = write_rbvh(path("a.rbvh"), rbvh, false, 100);
-  EXPECT_EQ(files(), 0u);
-  const RbvhBytes written = write_rbvh(path("a.rbvh"), rbvh, false, over.hierarchy + over.atlas);
-  EXPECT_EQ(files(), 2u);
-  EXPECT_EQ(written.hierarchy, fs::file_size(path("a.rbvh")));
-  EXPECT_EQ(written.atlas, fs::file_size(path("a.atlas.tif")));
-  EXPECT_EQ(written.hierarchy, over.hierarchy);
 }
 
 }  // namespace

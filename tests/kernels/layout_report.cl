@@ -4,6 +4,7 @@
 #include "kernels/bvh/linked_layout.h"
 #include "kernels/common/layout.h"
 #include "kernels/common/patch_layout.h"
+#include "kernels/common/ray_queue_layout.h"
 #include "kernels/common/scene_layout.h"
 
 #define SIZE(type) out[n++] = (uint)sizeof(type);

@@ -90,7 +90,7 @@ TEST(Focus, BuildsFollowIt) {
   }
   const TileTracer tracer = make_tile_tracer(device, level);
   const Buffer<Hit> hits(device, rays.size());
-  trace_rays(tracer, Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest);
+  tracer.intersect(Buffer<Ray>(device, rays), hits, rays.size(), RayQuery::kNearest);
   int missed = 0;
   for (const Hit& hit : hits.read()) missed += !(hit.t < 2.5f);
   EXPECT_EQ(missed, 0);

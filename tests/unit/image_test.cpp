@@ -2,11 +2,15 @@
 
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
-#include <optional>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <optional>
 #include <thread>
 
 #include "pipeline/base/error.h"
@@ -110,6 +114,41 @@ TEST_F(ImageFile, FailsWholeOrNotAtAll) {
   write_image(path("a.png"), color_image(), false);
   EXPECT_EQ(code_of([&] { write_image(path("a.png"), color_image(), false); }), ErrorKind::kFailure);
   EXPECT_EQ(code_of([&] { write_image(path("a.png"), color_image(), true); }), std::nullopt);
+}
+
+// No writer of OpenImageIO reports every failed write: PNG's none, and JPEG's ends the process.
+TEST_F(ImageFile, AFileSizeLimitAnywhereIsAnErrorAndTheOldPictureStays) {
+  Image image = make_image(Image::Kind::kColor, 90, 60, {"R", "G", "B", "A"});
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    image.pixels[i] = static_cast<float>(i * 2654435761u % 1000) / 1000;
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &old), 0);
+  for (const std::string extension : {".png", ".jpg", ".exr"}) {
+    write_image(path("whole" + extension), image, false);
+    const std::size_t size = bytes(path("whole" + extension)).size();
+    const std::string replaced = path("replaced" + extension), fresh = path("new" + extension);
+    std::ofstream(replaced) << "old";
+    for (const std::size_t most :
+         {std::size_t{0}, std::size_t{1}, std::size_t{300}, size / 4, size / 2, size - 1}) {
+      const rlimit limit{most, old.rlim_max};
+      ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+      const auto of_new = code_of([&] { write_image(fresh, image, false); });
+      const auto of_old = code_of([&] { write_image(replaced, image, true); });
+      ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &old), 0);
+      EXPECT_EQ(of_new, ErrorKind::kFailure) << extension << " of " << size << " at " << most;
+      EXPECT_EQ(of_old, ErrorKind::kFailure) << extension << " of " << size << " at " << most;
+      EXPECT_FALSE(fs::exists(fresh)) << most;
+      EXPECT_EQ(bytes(replaced), "old") << most;
+    }
+    const rlimit just_enough{size, old.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &just_enough), 0);
+    EXPECT_EQ(code_of([&] { write_image(replaced, image, true); }), std::nullopt) << extension;
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &old), 0);
+    EXPECT_EQ(bytes(replaced), bytes(path("whole" + extension)));
+    EXPECT_EQ(code_of([&] { write_image("/dev/full", image, false); }), ErrorKind::kFailure);
+  }
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 6);
 }
 
 TEST(Srgb, BothWaysAgree) {

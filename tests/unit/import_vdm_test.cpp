@@ -56,7 +56,7 @@ void expect_displaced(const VdmMap& map, const ImportConfig& config, bool flippe
         const Vec3d p(base_point(proxy, proxy.quads[patch], proxy.tiles[patch].side, i, j));
         const Vec3d out = normalized(p), east = normalized(Vec3d{-p.y, p.x, 0}), north = cross(out, east);
         const Vec3d v = Vec3d(surface_point(proxy, patch, i, j)) - p;
-        // Normals at the band's rims lean by half a quad.
+        // Normals at the band's boundaries lean by half a quad.
         EXPECT_NEAR(dot(v, out), expected.x, 0.02);
         EXPECT_NEAR(dot(v, east), expected.y, 0.02);
         EXPECT_NEAR(dot(v, north), expected.z, 0.02);

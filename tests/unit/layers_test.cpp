@@ -1,5 +1,5 @@
-// Points to texels and back: the point query finds all that covers a point, what was painted is read again,
-// and no seam shows where tiles end.
+// Points to texels and back: the point query finds all tiles that cover a point, painted values are read
+// back, and there is no seam where tiles end.
 #include "pipeline/rbvh/layers.h"
 
 #include <gtest/gtest.h>
@@ -7,6 +7,9 @@
 #include "pipeline/base/error.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/layer_codec.h"
+#include "pipeline/rbvh/layer_painting.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "tests/property.h"
@@ -15,7 +18,7 @@
 namespace rbvh {
 namespace {
 
-constexpr float kReach = 0.03f;
+constexpr float kMost = 0.03f;  // from the surface
 
 Level build_level(const Scan& scan, const std::string& name) {
   BuildConfig config;
@@ -41,8 +44,8 @@ std::vector<Vec3f> points_on(const Scan& scan, std::size_t count) {
   return points;
 }
 
-/// A ball and, so that leaves keep triangles, two crossing sheets.
-Scan knotty() {
+/// A ball and, so that leaves fall back to exact triangles, two crossing sheets.
+Scan ball_and_crossing_sheets() {
   Scan scan = bumpy_sphere(60);
   add_sheet(scan, 3, [](float s, float t) { return Vec3f{2 + s, t, 0.3f * s}; });
   add_sheet(scan, 3, [](float s, float t) { return Vec3f{2 + s, t, 0.3f - 0.3f * s}; });
@@ -50,7 +53,7 @@ Scan knotty() {
 }
 
 TEST(PointQuery, FindsEveryPointOfTheSurface) {
-  const Scan scan = knotty();
+  const Scan scan = ball_and_crossing_sheets();
   const std::vector<Vec3f> points = points_on(scan, 4000);
   std::size_t exact_leaves = 0;
   for (const char* name : {"Q0", "Q2", "Q4"}) {
@@ -59,14 +62,14 @@ TEST(PointQuery, FindsEveryPointOfTheSurface) {
     const PointHits hits = query_points(make_point_index(Device::open(), level), points);
     ASSERT_EQ(hits.points(), points.size());
     for (std::size_t i = 0; i < points.size(); ++i)
-      EXPECT_FALSE(covering(level, hits.of(i), kReach).empty())
+      EXPECT_FALSE(covering(level, hits.of(i), kMost).empty())
           << name << " point " << i << " " << points[i].x << " " << points[i].y << " " << points[i].z;
   }
   EXPECT_GT(exact_leaves, 0u);
 }
 
-TEST(PointQuery, NamesTheLeavesThatAWalkOverAllOfThemDoes) {
-  const Scan scan = knotty();
+TEST(PointQuery, FindsTheLeavesThatBruteForceFinds) {
+  const Scan scan = ball_and_crossing_sheets();
   const Level level = build_level(scan, "Q3");
   const std::vector<Vec3f> points = points_on(scan, 500);
   const std::vector<std::uint16_t>& heights = level.layers[0].texels;
@@ -79,14 +82,14 @@ TEST(PointQuery, NamesTheLeavesThatAWalkOverAllOfThemDoes) {
         if (node.count == 0) continue;
         const RbvhLeaf& leaf = level.leaves[node.first];
         const TileFrame frame(leaf);
-        const double rim = 3 * std::max(length(frame.u), length(frame.v));
+        const double border = 3 * std::max(length(frame.u), length(frame.v));
         double away2 = 0;
         for (int axis = 0; axis < 3; ++axis) {
           const double p = points[i][axis];
-          away2 += std::pow(std::max({0.0, node.lo[axis] - rim - p, p - node.hi[axis] - rim}), 2);
+          away2 += std::pow(std::max({0.0, node.lo[axis] - border - p, p - node.hi[axis] - border}), 2);
         }
         const Vec3f at = to_tile(leaf, points[i]);
-        // Rounding may decide: no word on those.
+        // Rounding may decide: these are not compared.
         const auto is_near = [](float value, float limit) { return std::abs(value - limit) < 1e-3f; };
         if ((away2 > 0 && std::abs(std::sqrt(away2) - radius) < 1e-5) || is_near(at.x, std::round(at.x)) ||
             is_near(at.y, std::round(at.y))) {
@@ -118,11 +121,11 @@ TEST(PointQuery, FindsNothingAwayFromTheSurface) {
   const float nan = std::nanf("");
   const std::vector<Vec3f> points = {{0, 0, 0}, {5, 0, 0}, {nan, 0, 0}, {0, 0, 1.02f}};
   const PointHits hits = query_points(make_point_index(Device::open(), level), points, 0);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(covering(level, hits.of(i), kReach).empty()) << i;
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(covering(level, hits.of(i), kMost).empty()) << i;
 }
 
 TEST(Layers, ReadWhatWasPainted) {
-  const Scan scan = knotty();
+  const Scan scan = ball_and_crossing_sheets();
   const Level level = build_level(scan, "Q1");
   const PointIndex index = make_point_index(Device::open(), level);
   const std::vector<Vec3f> points = points_on(scan, 12);
@@ -136,16 +139,16 @@ TEST(Layers, ReadWhatWasPainted) {
       for (std::size_t i = 0; i < points.size(); ++i) {
         const std::span<const Vec3f> p(&points[i], 1);
         const PaintCounts counts =
-            paint_layer(index, level, layer, p, std::span(values).subspan(2 * i, 2), radius, kReach);
+            paint_layer(index, level, layer, p, std::span(values).subspan(2 * i, 2), radius, kMost);
         EXPECT_EQ(counts.points_missed, 0u);
         EXPECT_GE(counts.texels, 4u);
-        const std::vector<float> read = sample_layer(index, level, layer, p, kReach);
+        const std::vector<float> read = sample_layer(index, level, layer, p, kMost);
         const float step = (layer.hi - layer.lo) / 65534;
         EXPECT_NEAR(read[0], values[2 * i], step) << scale << " " << radius;
         EXPECT_NEAR(read[1], values[2 * i + 1], step) << scale << " " << radius;
       }
       // Where nothing was painted there is nothing.
-      const std::vector<float> far = sample_layer(index, level, layer, std::vector<Vec3f>{{9, 9, 9}}, kReach);
+      const std::vector<float> far = sample_layer(index, level, layer, std::vector<Vec3f>{{9, 9, 9}}, kMost);
       EXPECT_TRUE(std::isnan(far[0]));
     }
 }
@@ -161,10 +164,10 @@ TEST(Layers, PaintReachesAsFarAsItsRadiusAndOverTileBorders) {
   Layer layer = make_layer(level, "spot", 1, 1);
   const Vec3f center{0.5f, 0.5f, 0.05f * std::sin(4.5f) * std::cos(3.5f)};
   const float radius = 0.2f;
-  paint_layer(index, level, layer, std::vector<Vec3f>{center}, std::vector<float>{7}, radius, kReach);
+  paint_layer(index, level, layer, std::vector<Vec3f>{center}, std::vector<float>{7}, radius, kMost);
   std::size_t inside = 0, outside = 0;
   const std::vector<Vec3f> points = points_on(scan, 3000);
-  const std::vector<float> read = sample_layer(index, level, layer, points, kReach);
+  const std::vector<float> read = sample_layer(index, level, layer, points, kMost);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const float away = length(points[i] - center);
     if (away < radius - 0.005f) {
@@ -179,7 +182,7 @@ TEST(Layers, PaintReachesAsFarAsItsRadiusAndOverTileBorders) {
   EXPECT_GT(outside, 1000u);
   // A value that is not a number takes away what is there.
   paint_layer(index, level, layer, std::vector<Vec3f>{center}, std::vector<float>{std::nanf("")}, 2 * radius,
-              kReach);
+              kMost);
   EXPECT_TRUE(std::all_of(layer.texels.begin(), layer.texels.end(), [](auto code) { return code == 0; }));
 }
 
@@ -190,9 +193,9 @@ TEST(Layers, OfSeveralPointsTheNearestPaints) {
   const PointIndex index = make_point_index(Device::open(), level);
   Layer layer = make_layer(level, "two", 1, 1);
   const std::vector<Vec3f> points = {{-0.2f, 0, 0}, {0.2f, 0, 0}};
-  paint_layer(index, level, layer, points, std::vector<float>{1, 3}, 0.6f, kReach);
+  paint_layer(index, level, layer, points, std::vector<float>{1, 3}, 0.6f, kMost);
   const std::vector<float> read =
-      sample_layer(index, level, layer, std::vector<Vec3f>{{-0.1f, 0.1f, 0}, {0.1f, -0.1f, 0}}, kReach);
+      sample_layer(index, level, layer, std::vector<Vec3f>{{-0.1f, 0.1f, 0}, {0.1f, -0.1f, 0}}, kMost);
   EXPECT_NEAR(read[0], 1, 1e-4);
   EXPECT_NEAR(read[1], 3, 1e-4);
 }
@@ -222,9 +225,9 @@ TEST(Layers, OfAPropertyFollowItWithoutSeams) {
     add_property_layers(levels, scan, {"x", "some"}, scale);
     const Layer& layer = *find_layer(level, "x");
     EXPECT_EQ(layer.tiles.empty(), scale == 1.0);
-    const std::vector<float> read = sample_layer(index, level, layer, points, kReach);
+    const std::vector<float> read = sample_layer(index, level, layer, points, kMost);
     for (std::size_t i = 0; i < points.size(); ++i) EXPECT_NEAR(read[i], points[i].x, 0.01 / scale) << scale;
-    const std::vector<float> some = sample_layer(index, level, *find_layer(level, "some"), points, kReach);
+    const std::vector<float> some = sample_layer(index, level, *find_layer(level, "some"), points, kMost);
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (points[i].x > 0.15f) {
         EXPECT_NEAR(some[i], 2, 1e-4);
@@ -234,7 +237,7 @@ TEST(Layers, OfAPropertyFollowItWithoutSeams) {
       }
     }
     // Along the line over many tiles, neighbours differ by no more than its own steps explain.
-    const std::vector<float> along = sample_layer(index, level, layer, line, kReach);
+    const std::vector<float> along = sample_layer(index, level, layer, line, kMost);
     float most = 0;
     for (std::size_t i = 1; i < line.size(); ++i) {
       ASSERT_FALSE(std::isnan(along[i]));
@@ -251,9 +254,9 @@ TEST(Layers, StandardOnesAreReadToo) {
   const Level level = build_level(scan, "Q1");
   const PointIndex index = make_point_index(Device::open(), level);
   const std::vector<Vec3f> points = points_on(scan, 300);
-  const std::vector<float> heights = sample_layer(index, level, *find_layer(level, "height"), points, kReach),
-                           normals = sample_layer(index, level, *find_layer(level, "normal"), points, kReach),
-                           colors = sample_layer(index, level, *find_layer(level, "color"), points, kReach);
+  const std::vector<float> heights = sample_layer(index, level, *find_layer(level, "height"), points, kMost),
+                           normals = sample_layer(index, level, *find_layer(level, "normal"), points, kMost),
+                           colors = sample_layer(index, level, *find_layer(level, "color"), points, kMost);
   for (std::size_t i = 0; i < points.size(); ++i) {
     EXPECT_NEAR(heights[i], 0, 2e-3);
     const Vec3f n{normals[3 * i], normals[3 * i + 1], normals[3 * i + 2]};
@@ -267,8 +270,8 @@ TEST(Layers, StandardOnesAreReadToo) {
   Layer& color = painted.layers[2];
   ASSERT_EQ(color.name, "color");
   paint_layer(index, painted, color, std::vector<Vec3f>{points[0]}, std::vector<float>{0, 1, 0}, 0.02f,
-              kReach);
-  const std::vector<float> green = sample_layer(index, painted, color, std::span(points).first(1), kReach);
+              kMost);
+  const std::vector<float> green = sample_layer(index, painted, color, std::span(points).first(1), kMost);
   EXPECT_NEAR(green[0], 0, 1e-3);
   EXPECT_NEAR(green[1], 1, 1e-3);
 }
@@ -287,7 +290,7 @@ TEST(Layers, OfCloudsAreReadAtItsPoints) {
     levels.push_back(build_level(scan, name));
     add_property_layers(levels, scan, {"intensity"}, 1);
     const std::vector<float> read = sample_layer(make_point_index(Device::open(), levels[0]), levels[0],
-                                                 *find_layer(levels[0], "intensity"), scan.positions, kReach);
+                                                 *find_layer(levels[0], "intensity"), scan.positions, kMost);
     std::size_t found = 0, right = 0;
     for (std::size_t i = 0; i < read.size(); ++i) {
       found += !std::isnan(read[i]);
@@ -298,7 +301,7 @@ TEST(Layers, OfCloudsAreReadAtItsPoints) {
   }
 }
 
-TEST(Layers, RefuseWhatIsNoProperty) {
+TEST(Layers, RefuseUnknownProperties) {
   std::vector<Level> levels;
   Scan scan = bumpy_sphere(8);
   for (const char* name : {"nothing", "height"}) {
@@ -311,7 +314,7 @@ TEST(Layers, RefuseWhatIsNoProperty) {
   }
 }
 
-TEST(Layers, KeepWhatTheyHaveWhenTheirRangeGrows) {
+TEST(Layers, KeepTheirValuesWhenTheirRangeGrows) {
   Level level;
   level.atlas_width = 8;
   level.atlas_height = 2;

@@ -14,6 +14,7 @@
 #include "kernels/bvh/bvh_layout.h"
 #include "kernels/bvh/linked_layout.h"
 #include "kernels/common/patch_layout.h"
+#include "kernels/common/ray_queue_layout.h"
 #include "kernels/common/scene_layout.h"
 #include "pipeline/device/device.h"
 
@@ -46,7 +47,7 @@ TEST(Layout, TheListOfStructsIsWhole) {
                                      [](const Entry& e) { return e.name.find('.') == std::string::npos; });
   std::size_t declared = 0;
   for (const char* name : {"common/layout.h", "bvh/bvh_layout.h", "bvh/linked_layout.h",
-                           "common/patch_layout.h", "common/scene_layout.h"}) {
+                           "common/patch_layout.h", "common/ray_queue_layout.h", "common/scene_layout.h"}) {
     std::ifstream file(std::string(RBVH_SOURCE "/kernels/") + name);
     const std::string text(std::istreambuf_iterator<char>(file), {});
     for (std::size_t at = 0; (at = text.find("\ntypedef struct ", at)) != std::string::npos; ++at) ++declared;

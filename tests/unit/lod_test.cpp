@@ -55,7 +55,7 @@ TEST(Lod, TheScanOfALevelIsItsSurface) {
 TEST(Lod, DerivedLevelsAreNearlyAsCloseAsThoseOfTheScan) {
   const Device device = Device::open();
   Scan scan = bumpy_sphere(40);
-  // Sheets that cross: leaves that keep their triangles.
+  // Sheets that cross: leaves that fall back to exact triangles.
   add_sheet(scan, 3, [](float s, float t) { return Vec3f{2 + s, t, 0.3f * s}; });
   add_sheet(scan, 3, [](float s, float t) { return Vec3f{2 + s, t, 0.3f - 0.3f * s}; });
   BuildConfig config;

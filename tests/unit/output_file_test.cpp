@@ -93,7 +93,7 @@ TEST_F(OutputFileTest, UncommittedLeavesNothing) {
 
 TEST_F(OutputFileTest, OverwritesOnlyWhenAsked) {
   write_all(path("a"), "old", false);
-  EXPECT_NE(failure([&] { OutputFile(path("a"), false); }).find("--force"), std::string::npos);
+  EXPECT_NE(failure([&] { OutputFile(path("a"), false); }).find("exists"), std::string::npos);
   EXPECT_NE(failure([&] { check_output(path("a"), false); }).find("exists"), std::string::npos);
   EXPECT_EQ(content(path("a")), "old");
   chmod(path("a").c_str(), 0640);

@@ -85,8 +85,8 @@ TEST(Partition, SplitsAThinSheetByFacing) {
   EXPECT_LT(partition.nodes[2].sums.area_normal[2], -0.99f);
 }
 
-TEST(Partition, PartsWhatTouchesARim) {
-  // One row of cells around the plate; a closed shape has none, whichever way its triangles turn.
+TEST(Partition, SplitsOffTheBoundary) {
+  // One row of cells around the plate; a closed shape has none, whatever the winding of its triangles.
   Scan plate, octahedron;
   add_plate(plate, 10, 0);
   octahedron.positions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};

@@ -200,7 +200,7 @@ TEST(ProxyBake, TinyMeshes) {
 }
 
 TEST(ProxyBake, MeshesThatAreNoSurface) {
-  // Three sheets at one edge; a triangle turned the wrong way; a vertex where two fans meet; a triangle
+  // Three sheets at one edge; a triangle of the wrong orientation; a vertex of two fans; a triangle
   // twice, front and back.
   Scan scan = bumpy_sphere(20);
   const std::uint32_t a = scan.triangles[100][0], b = scan.triangles[100][1];

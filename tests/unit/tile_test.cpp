@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "pipeline/rbvh/atlas.h"
+#include "pipeline/rbvh/rasterize.h"
 #include "tests/shapes.h"
 
 namespace rbvh {
@@ -19,7 +20,7 @@ OneTile rasterize_whole(const Scan& scan, float texels) {
   OneTile one;
   one.tile = rasterize_tiles(
       primitives, partition, {0}, RasterConfig{.rho = texels / partition.nodes[0].sums.area},
-      [](const Tile&) { return true; }, one.texels)[0];
+      [](const Tile&) { return LeafDecision::kRasterize; }, one.texels)[0];
   return one;
 }
 
@@ -40,7 +41,7 @@ TEST(Tile, HasAHeightForEveryTexelOfASlopeToHalfAQuantum) {
   // Bilinear in (s, t) and of more than one plane, so that heights matter.
   add_sheet(scan, 40, [](float s, float t) { return Vec3f{s, t, 0.1f * s + 0.05f * t + 0.02f * s * s}; });
   const OneTile one = rasterize_whole(scan, 2000);
-  EXPECT_FALSE(one.tile.is_faulty);
+  EXPECT_FALSE(one.tile.flaws.any());
   const RbvhLeaf& leaf = one.tile.leaf;
   const double quantum = 1 / length(Vec3d{leaf.to_tile[8], leaf.to_tile[9], leaf.to_tile[10]});
   int inside = 0;
@@ -54,12 +55,12 @@ TEST(Tile, HasAHeightForEveryTexelOfASlopeToHalfAQuantum) {
       // The mesh lies within 4e-6 of the curve (chords of 1/40).
       EXPECT_NEAR(p.z, 0.1 * p.x + 0.05 * p.y + 0.02 * p.x * p.x, quantum + 4e-6) << x << " " << y;
     }
-  // The rectangle is taken to be `fill` times what is covered of it.
-  const double expected = 2000 / RasterConfig{}.fill * 0.98 * 0.98;
+  // The rectangle is assumed to be 1.5 times as large as what is covered of it.
+  const double expected = 2000 / 1.5 * 0.98 * 0.98;
   EXPECT_NEAR(inside, expected, 0.03 * expected);
 }
 
-TEST(Tile, CoversAPlateToItsOpenEdgeAndNotMuchMore) {
+TEST(Tile, CoversAPlateToItsBoundaryAndNotMuchMore) {
   Scan scan;
   add_plate(scan, 1, 0);
   const OneTile one = rasterize_whole(scan, 100);
@@ -89,7 +90,8 @@ TEST(Tile, FollowsItsNeighboursPastItsOwnPrimitives) {
   TileTexels texels;
   const std::uint32_t flat = partition.nodes[1].bounds().center().x < 0.5f ? 1 : 2;
   const Tile tile = rasterize_tiles(
-      primitives, partition, {flat}, RasterConfig{.rho = 1000}, [](const Tile&) { return true; }, texels)[0];
+      primitives, partition, {flat}, RasterConfig{.rho = 1000},
+      [](const Tile&) { return LeafDecision::kRasterize; }, texels)[0];
   int past = 0;
   for (int y = 0; y < tile.leaf.height; ++y)
     for (int x = 0; x < tile.leaf.width; ++x) {
@@ -102,33 +104,33 @@ TEST(Tile, FollowsItsNeighboursPastItsOwnPrimitives) {
   EXPECT_GT(past, 20);
 }
 
-TEST(Tile, SeesTwoLayersStepsAndWhatFacesAway) {
+TEST(Tile, FindsTwoLayersStepsAndBackFaces) {
   Scan flat, layers, step, shell;
   add_plate(flat, 8, 0);
-  EXPECT_FALSE(rasterize_whole(flat, 400).tile.is_faulty);
+  EXPECT_FALSE(rasterize_whole(flat, 400).tile.flaws.any());
   add_plate(layers, 8, 0);
   add_plate(layers, 8, 0.3f);
-  EXPECT_TRUE(rasterize_whole(layers, 400).tile.is_faulty);
-  EXPECT_FALSE(rasterize_whole(layers, 400).tile.has_back);
+  EXPECT_TRUE(rasterize_whole(layers, 400).tile.flaws.any());
+  EXPECT_FALSE(rasterize_whole(layers, 400).tile.flaws.has_back);
   add_sheet(step, 8, [](float s, float t) { return Vec3f{s, t, 0}; });
   add_sheet(step, 8, [](float s, float t) { return Vec3f{s + 1.001f, t, 1}; });
-  EXPECT_TRUE(rasterize_whole(step, 400).tile.is_faulty);
+  EXPECT_TRUE(rasterize_whole(step, 400).tile.flaws.any());
   add_plate(shell, 8, 0);
   add_sheet(shell, 2, [](float s, float t) { return Vec3f{0.2f * t, 0.2f * s, -0.001f}; });
-  EXPECT_TRUE(rasterize_whole(shell, 400).tile.has_back);
+  EXPECT_TRUE(rasterize_whole(shell, 400).tile.flaws.has_back);
 }
 
-TEST(Tile, SeesWhatStandsSteepAndWhatItMisses) {
+TEST(Tile, FindsSteepPartsAndMissedCorners) {
   Scan bend;
   add_sheet(bend, 16, [](float s, float t) { return Vec3f{std::min(s, 0.8f), t, std::max(0.0f, s - 0.8f)}; });
-  EXPECT_TRUE(rasterize_whole(bend, 400).tile.is_steep);
+  EXPECT_TRUE(rasterize_whole(bend, 400).tile.flaws.is_steep);
   // Between four texels and lower than a step; a quarter as high it is no fault.
   for (const float height : {0.08f, 0.02f}) {
     Scan tent;
     add_sheet(tent, 60, [&](float s, float t) {
       return Vec3f{s, t, std::abs(s - 0.5f) < 0.01f && std::abs(t - 0.5f) < 0.01f ? height : 0};
     });
-    EXPECT_EQ(rasterize_whole(tent, 400).tile.is_faulty, height > 0.05f);
+    EXPECT_EQ(rasterize_whole(tent, 400).tile.flaws.any(), height > 0.05f);
   }
 }
 
@@ -141,7 +143,7 @@ TEST(Tile, OfDiscsFollowsTheirPlane) {
       cloud.radii.push_back(0.8f);
     }
   const OneTile one = rasterize_whole(cloud, 3000);
-  EXPECT_FALSE(one.tile.is_faulty);
+  EXPECT_FALSE(one.tile.flaws.any());
   const RbvhLeaf& leaf = one.tile.leaf;
   for (int y = 0; y < leaf.height; ++y)
     for (int x = 0; x < leaf.width; ++x) {

@@ -1,0 +1,119 @@
+#include "cli/asset_options.h"
+
+#include <algorithm>
+
+#include "cli/exit_code.h"
+#include "cli/remedies.h"
+#include "io/proxy_file.h"
+#include "io/scene_file.h"
+
+namespace rbvh {
+namespace {
+
+std::vector<std::string> parse_level_list(std::string_view text) {
+  try {
+    return parse_list(text);
+  } catch (const Error& error) {
+    throw Error(ErrorKind::kUsage, "", std::string("--level: ") + error.what());
+  }
+}
+
+double parse_pixels(std::string_view text) {
+  const double pixels = parse_number(text);
+  if (!(pixels > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  return pixels;
+}
+
+std::uint32_t parse_tessellate(std::string_view text) {
+  const std::int64_t level = parse_integer(text);
+  if (level < 0 || level > PATCH_MOST_LEVEL)
+    throw Error(ErrorKind::kUsage, "",
+                "'" + std::string(text) + "' is not between 0 and " + std::to_string(PATCH_MOST_LEVEL));
+  return static_cast<std::uint32_t>(level);
+}
+
+}  // namespace
+
+Asset load(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate) {
+  return load_asset(path, {.memory = context.memory, .tessellate = tessellate}, context.progress.callback());
+}
+
+std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
+                                        const std::vector<std::string>& wanted, bool has_auto) {
+  if (!asset.rbvh() && !wanted.empty())
+    note(context, "rbvh " + context.stage + ": " + asset.path + " has no levels; --level is ignored");
+  return choose_levels(asset, wanted, has_auto);
+}
+
+void for_each_file(Context& context, const std::vector<std::string>& paths,
+                   const std::function<void(const std::string&)>& work) {
+  std::size_t failed = 0;
+  ErrorKind first{};
+  for (const std::string& path : paths) {
+    try {
+      work(path);
+    } catch (const Error& error) {
+      if (paths.size() == 1 || error.kind() == ErrorKind::kUsage || error.kind() == ErrorKind::kDevice) throw;
+      print_error(context, error_line(error));
+      if (failed++ == 0) first = error.kind();
+    }
+  }
+  if (failed == 0) return;
+  const std::string said =
+      std::to_string(failed) + " of " + std::to_string(paths.size()) + " files failed, as said above";
+  if (failed == paths.size()) throw Error(first, "", said);
+  throw BatchFailure(said);
+}
+
+void add_proxy_options(CLI::App& stage, ProxyCastOptions& options, bool pictures) {
+  options.declared.push_back(
+      add_parsed(stage, "--patch-cache", options.scene.proxy.cache_bytes, parse_bytes, "SIZE",
+                 "most that proxies' patch hierarchies may take on the device at once (default: 256M)"));
+  if (!pictures) return;
+  options.declared.push_back(add_parsed(stage, "--detail", options.scene.pixels, parse_pixels, "PIXELS",
+                                        "pixels that a proxy's micro-quads may measure (default: 1)"));
+  options.declared.push_back(
+      add_parsed(stage, "--tessellate", options.tessellate, parse_tessellate, "N",
+                 "proxies as triangles instead, of at most 2^N micro-quads a side of a patch"));
+}
+
+void check_proxy_options(const ProxyCastOptions& options, const std::vector<std::string>& files) {
+  if (std::any_of(files.begin(), files.end(),
+                  [](const std::string& file) { return is_scene(file) || is_proxy(file); }))
+    return;
+  refuse_options(options.declared, files.front(), "is for proxies and scenes, and this is neither");
+}
+
+void report_proxies(Context& context, const Tracer& of) {
+  const auto* scene = dynamic_cast<const SceneTracer*>(&of);
+  const PatchTracer* tracer = scene != nullptr ? patch_tracer(*scene) : nullptr;
+  if (tracer == nullptr) return;
+  const ProxyStats& s = stats(*tracer);
+  const ProxyBytes b = bytes(*tracer);
+  context.report["proxies"] = {{"pairs", s.items},
+                               {"patches_built", s.built},
+                               {"micro_quads_built", s.built_leaves},
+                               {"patches_evicted", s.evicted},
+                               {"base_bytes", b.base},
+                               {"map_bytes", b.maps},
+                               {"cache_bytes", b.cache},
+                               {"cached_bytes", b.cached}};
+}
+
+CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {
+  CLI::Option* option = stage.add_option_function<std::vector<std::string>>(
+      "--level",
+      [&levels, several](const std::vector<std::string>& words) {
+        for (const std::string& word : words)
+          for (const std::string& name : parse_level_list(word)) levels.push_back(name);
+        if (!several && (levels.size() > 1 || levels[0] == "all"))
+          throw Error(ErrorKind::kUsage, "", "--level: one level is wanted");
+      },
+      several ? "levels with commas between, or all (default: the finest; paint and validate: all); of "
+                "render also "
+                "auto: for each ray the coarsest whose texels a pixel covers"
+              : "the level to use (default: the finest)");
+  return option->type_name(several ? "Q0,Q1" : "Q0")->allow_extra_args(false);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,34 @@
+#include "cli/remedies.h"
+
+namespace rbvh {
+namespace {
+
+const char* words(Remedy remedy) {
+  switch (remedy) {
+    case Remedy::kNone:
+      break;
+    case Remedy::kOverwrite:
+      return "; use --force to replace it";
+    case Remedy::kMemoryBudget:
+      return "; raise --memory or ask for less";
+    case Remedy::kViewUp:
+      return "; give another --camera-view-up";
+    case Remedy::kPatchCount:
+      return "; allow more, or leave small parts out (--patches, --min-component)";
+    case Remedy::kDisplacementScale:
+      return "; are --vdm-scale and --vdm-midlevel right?";
+    case Remedy::kDisplacementZero:
+      return "; say which value means none (--vdm-midlevel 0.5), or export 32-bit floats";
+    case Remedy::kPatchSide:
+      return "; allow fewer a patch (--max-side)";
+    case Remedy::kImportProxy:
+      return "; convert the asset by rbvh proxy --vdm";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string error_line(const Error& error) { return error.what() + std::string(words(error.remedy())); }
+
+}  // namespace rbvh

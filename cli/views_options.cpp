@@ -1,0 +1,23 @@
+#include "cli/views_options.h"
+
+namespace rbvh {
+namespace {
+
+std::uint32_t parse_side(std::string_view text) {
+  const std::int64_t side = parse_integer(text);
+  if (side < 16 || side > 16384)
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
+  return static_cast<std::uint32_t>(side);
+}
+
+}  // namespace
+
+void add_views_options(CLI::App& stage, ViewsConfig& views, const std::string& with) {
+  add_parsed(stage, "--views", views.views, parse_positive, "N", "how many views to measure in (default: 8)")
+      ->needs(with);
+  add_parsed(stage, "--resolution", views.resolution, parse_side, "N",
+             "pixels of such a view, both ways (default: 1024)")
+      ->needs(with);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,241 @@
+#include "io/describe.h"
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "io/proxy_file.h"
+#include "io/rbvh_file.h"
+#include "io/scan_io.h"
+#include "io/scene_file.h"
+#include "pipeline/measure/measure_json.h"
+#include "pipeline/proxy/proxy_surface.h"
+
+namespace rbvh {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string hex(std::uint64_t hash) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+template <class Header>
+std::string format_version(const Header& header) {
+  return std::to_string(header.major) + "." + std::to_string(header.minor);
+}
+
+template <class T>
+Json vec_json(const Vec3<T>& v) {
+  return {v.x, v.y, v.z};
+}
+
+template <class T>
+Json bounds_json(const Bounds3<T>& b) {
+  if (b.empty()) return nullptr;
+  return {{"lo", vec_json(b.lo)}, {"hi", vec_json(b.hi)}};
+}
+
+std::uint64_t primitives_of(const RbvhSource& source) {
+  return source.triangles > 0 ? source.triangles : source.vertices;
+}
+
+Json level_json(const Level& level, std::uint64_t primitives) {
+  Json json = {{"name", level.name},
+               {"rho", float_json(level.rho)},
+               {"alpha", float_json(level.alpha)},
+               {"phi_degrees", float_json(level.phi_degrees)},
+               {"nodes", level.nodes.size()},
+               {"leaves", level.leaves.size()},
+               {"exact_leaves", level.exact_leaves.size()},
+               {"exact_primitives", level.exact_primitives.size()},
+               {"atlas", {level.atlas_width, level.atlas_height}},
+               {"texels_used", level.texels_used},
+               {"bytes", level.stored_bytes},
+               {"bytes_per_primitive", primitives == 0 ? Json(nullptr)
+                                                       : Json(static_cast<double>(level.stored_bytes) /
+                                                              static_cast<double>(primitives))},
+               {"bounds", bounds_json(level.bounds)},
+               {"layers", Json::array()},
+               {"fidelity", nullptr}};
+  for (const Layer& layer : level.layers) {
+    const auto [width, height] = atlas_size(level, layer);
+    json["layers"].push_back({{"name", layer.name},
+                              {"channels", layer.channels},
+                              {"atlas", {width, height}},
+                              {"lo", float_json(layer.lo)},
+                              {"hi", float_json(layer.hi)}});
+  }
+  json["derived_from"] = level.derived_from.empty() ? Json(nullptr) : Json(level.derived_from);
+  json["fidelity"] = fidelity_json(level.fidelity);
+  return json;
+}
+
+Json pair_json(const std::string& path, const LoadConfig& config) {
+  PairHeader header;
+  const Rbvh rbvh = load_pair(path, config.memory, &header);
+  const RbvhSource& source = rbvh.source;
+  Json json = {
+      {"file", path},
+      {"kind", "rbvh"},
+      {"format", format_version(header)},
+      {"bytes", header.hierarchy_bytes + header.atlas_bytes},
+      {"hierarchy", {{"bytes", header.hierarchy_bytes}, {"hash", hex(header.hierarchy_hash)}}},
+      {"atlas",
+       {{"file", atlas_path(path)}, {"bytes", header.atlas_bytes}, {"hash", hex(header.atlas_hash)}}},
+      {"source",
+       {{"name", source.name},
+        {"hash", hex(source.hash)},
+        {"kind", source.triangles > 0 ? "mesh" : "cloud"},
+        {"vertices", source.vertices},
+        {"triangles", source.triangles},
+        {"area", source.area},
+        {"units", source.units},
+        {"shift", vec_json(source.shift)},
+        {"bounds", bounds_json(source.bounds)}}},
+      {"build_options", Json::parse(rbvh.build_options)},
+      {"levels", Json::array()}};
+  for (const Level& level : rbvh.levels) json["levels"].push_back(level_json(level, primitives_of(source)));
+  return json;
+}
+
+Json proxy_json(const std::string& path) {
+  ProxyHeader header;
+  const Proxy proxy = load_proxy(path, &header);
+  Bounds3f base;
+  for (const Vec3f& p : proxy.positions) base.add(p);
+  std::uint64_t texels = 0;
+  float longest = 0;
+  std::map<std::uint32_t, std::uint64_t> sides;
+  for (const PatchTile& tile : proxy.tiles) {
+    texels += std::uint64_t{tile.side} * tile.side;
+    longest = std::max(longest, tile.longest_displacement);
+    ++sides[tile.side];
+  }
+  Json json = {{"file", path},
+               {"kind", "proxy"},
+               {"format", format_version(header)},
+               {"bytes", header.bytes()},
+               {"mesh", {{"bytes", header.mesh_bytes}, {"hash", hex(header.mesh_hash)}}},
+               {"map",
+                {{"file", proxy_map_path(path)},
+                 {"bytes", header.map_bytes},
+                 {"hash", hex(header.map_hash)},
+                 {"size", {proxy.map_width, proxy.map_height}}}},
+               {"source",
+                {{"name", header.source.name},
+                 {"hash", hex(header.source.hash)},
+                 {"shift", vec_json(header.source.shift)}}},
+               {"vertices", proxy.positions.size()},
+               {"patches", proxy.quads.size()},
+               {"texels", texels},
+               {"longest_displacement", float_json(longest)},
+               {"base_bounds", bounds_json(base)},
+               {"bounds", bounds_json(surface_bounds(proxy))},
+               {"tiles", Json::array()}};
+  for (const auto& [side, patches] : sides) json["tiles"].push_back({{"side", side}, {"patches", patches}});
+  return json;
+}
+
+std::uint64_t bytes_of(const std::string& path) {
+  std::error_code code;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, code);
+  return code ? 0 : bytes;
+}
+
+/// With the files that belong to it.
+std::uint64_t object_bytes(const SceneObject& object, const std::string& path) {
+  std::uint64_t bytes = bytes_of(path);
+  if (object.level() != nullptr) bytes += bytes_of(atlas_path(path));
+  if (object.proxy() != nullptr) bytes += bytes_of(proxy_map_path(path)) + bytes_of(proxy_sidecar_path(path));
+  return bytes;
+}
+
+Json scene_json(const std::string& path, const LoadConfig& config) {
+  const Asset asset = load_asset(path, config);
+  const Scene& scene = *asset.scene();
+  const SceneFile file = read_scene(path);
+  std::vector<std::uint64_t> placed(scene.objects.size(), 0);
+  for (const SceneInstance& instance : scene.instances) ++placed[instance.object];
+  std::uint64_t leaves = 0, bytes = bytes_of(path);
+  Json objects = Json::array();
+  for (std::size_t i = 0; i < scene.objects.size(); ++i) {
+    const SceneObject& object = scene.objects[i];
+    const std::uint64_t own_bytes = object_bytes(object, file.objects[i].path);
+    leaves += placed[i] * leaf_count(object);
+    bytes += own_bytes;
+    objects.push_back({{"name", object.name},
+                       {"file", file.objects[i].path},
+                       {"kind", object.proxy()              ? "proxy"
+                                : object.level()            ? "rbvh"
+                                : object.scan()->is_cloud() ? "cloud"
+                                                            : "mesh"},
+                       {"level", object.level() ? Json(object.level()->name) : Json(nullptr)},
+                       {"leaves", leaf_count(object)},
+                       {"bytes", own_bytes},
+                       {"instances", placed[i]},
+                       {"bounds", bounds_json(object.bounds)}});
+  }
+  return {{"file", path},
+          {"kind", "scene"},
+          {"bytes", bytes},
+          {"up", scene.z_is_up ? "+Z" : "+Y"},
+          {"instances", scene.instances.size()},
+          {"leaves", leaves},
+          {"bounds", bounds_json(asset.bounds)},
+          {"objects", std::move(objects)}};
+}
+
+Json scan_json(const std::string& path, const LoadConfig& config) {
+  check_read_budget(config.memory, path);
+  const RawScan scan = read_scan(path);
+  const bool is_mesh = !scan.triangles.empty();
+  Bounds3d box;
+  std::uint64_t non_finite = 0;
+  for (const Vec3d& p : scan.positions) {
+    if (is_finite(p))
+      box.add(p);
+    else
+      ++non_finite;
+  }
+  Json json = {{"file", path},
+               {"kind", is_mesh ? "mesh" : "cloud"},
+               {"vertices", scan.positions.size()},
+               {"triangles", scan.triangles.size()},
+               {"objects", std::set<std::int32_t>(scan.object_ids.begin(), scan.object_ids.end()).size()},
+               {"non_finite", non_finite},
+               {"bounds", bounds_json(box)},
+               {"shift", vec_json(scan.shift)},
+               {"normals", !scan.normals.empty()},
+               {"radii", !scan.radii.empty()},
+               {"colors", !scan.colors.empty()},
+               {"properties", Json::array()},
+               {"notes", scan.notes}};
+  if (scan.object_ids.empty()) json["objects"] = 1;
+  for (const ScalarProperty& property : scan.properties) json["properties"].push_back(property.name);
+  if (is_mesh) {
+    double area = 0;
+    for (const Triangle& t : scan.triangles) {
+      const Vec3d a = scan.positions[t[0]];
+      const double twice = length(cross(scan.positions[t[1]] - a, scan.positions[t[2]] - a));
+      if (std::isfinite(twice)) area += twice / 2;
+    }
+    json["area"] = area;
+  }
+  return json;
+}
+
+}  // namespace
+
+Json describe(const std::string& path, const LoadConfig& config) {
+  if (is_rbvh(path)) return pair_json(path, config);
+  if (is_proxy(path)) return proxy_json(path);
+  if (is_scene(path)) return scene_json(path, config);
+  return scan_json(path, config);
+}
+
+}  // namespace rbvh

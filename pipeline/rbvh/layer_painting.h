@@ -1,0 +1,25 @@
+// Writing values to a level's layers at points in space.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "pipeline/rbvh/point_query.h"
+#include "pipeline/rbvh/rbvh.h"
+
+namespace rbvh {
+
+struct PaintCounts {
+  std::uint64_t points_missed = 0;  ///< that lie on no surface
+  std::uint64_t texels = 0;         ///< written
+};
+
+/// Writes values (sample_width() each; NaN in the first: removes the value) to every texel, of every tile,
+/// that covers a point or whose place on the surface is within `radius` (scan units) of one; of several
+/// points the nearest is written, of equally near ones the last. The layer is "color" or a user's own.
+/// `most`: see covering().
+PaintCounts paint_layer(const PointIndex& index, const Level& level, Layer& layer,
+                        std::span<const Vec3f> points, std::span<const float> values, float radius,
+                        float most);
+
+}  // namespace rbvh

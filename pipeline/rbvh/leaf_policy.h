@@ -1,0 +1,147 @@
+// The decisions of a build, apart from its work: which nodes become leaves of a level, which leaves are
+// rasterised and which fall back to exact primitives, and how the others are split. Plain facts in, a
+// decision out. tests/unit/leaf_policy_test.cpp shows why each rule is there.
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/common/layout.h"
+
+namespace rbvh {
+
+enum class Refinement { kProjectedArea, kConeOfNormals };
+
+/// The rays that the pair is mostly traced with: they set the best side of a tile (section 3.4 of the paper).
+enum class RaysKind { kCoherent, kIncoherent };
+
+/// Which leaves fall back to exact primitives. kOff: none. kAuto: leaves of few primitives, where a height
+/// field is a poor fit or takes more bytes. kAlways: all; nodes are split until every leaf has few enough.
+enum class Hybrid { kOff, kAuto, kAlways };
+
+// --- nodes of the partition ---
+
+/// The best side of a tile in texels: 5.76 ln rho - 42.99 for coherent rays, 1.23 ln rho - 0.17 for
+/// incoherent ones, at least 8. A node is split while its tile would be larger.
+float optimal_resolution(float rho, RaysKind rays);
+
+struct NodeFacts {
+  std::uint32_t primitives = 0;
+  std::uint32_t objects = 1;  ///< 1, 2 or, for more, 3
+  float area = 0;             ///< scan units squared
+  float projected_area = 0;   ///< along the mean normal
+  float cone_cosine = 1;      ///< of the half-angle of the cone of normals
+};
+
+/// What a level asks for at a node's place.
+struct LeafQuality {
+  float rho = 0;  ///< texels for the whole surface
+  float texels_per_area = 0;
+  float alpha = 0;         ///< least projected area over area
+  float phi_degrees = 90;  ///< widest half-angle of the cone of normals
+  float farthest_rho = 0;  ///< rho at the node's point farthest from the focus; without a focus: rho
+};
+
+/// The area that a tile's texels are spread over: the projected one, but noisy folds must not make it vanish.
+float covered_area(const NodeFacts& node);
+
+/// The paper's R = sqrt(rho A^2 / A_projected): the side of a square tile in texels.
+float tile_resolution(const NodeFacts& node, float texels_per_area);
+
+/// Whether a node is split further, before anything is rasterised. `largest_tile`: side in texels.
+bool wants_split(const NodeFacts& node, const LeafQuality& quality, Refinement refinement,
+                 float largest_tile);
+
+// --- the level as a whole ---
+
+/// A cloud's leaves all fall back to discs where texels are finer than these: discs take no more bytes, and
+/// are exact.
+bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs);
+
+/// A mesh whose noise adds more than a tenth to its area is noisy all over. `smooth_area`: without that
+/// noise.
+bool is_noisy_mesh(double area, double smooth_area);
+
+struct BoundaryFacts {
+  float boundary = 0;    ///< primitives at a boundary edge of the scan
+  float primitives = 0;  ///< all of them
+  float texels = 0;      ///< for the whole surface
+};
+
+/// Whether primitives at boundary edges are kept out of tiles, which end at whole texels. Not where most of
+/// the scan is boundary (a soup of pieces), nor where texels are coarser than triangles.
+bool separates_boundary(Hybrid hybrid, const BoundaryFacts& scan);
+
+/// Whether a leaf has primitives at boundary edges and others, and is split by that.
+bool has_mixed_boundary(float boundary, std::uint32_t primitives);
+
+/// What a tile's faults are measured against, in texels.
+struct FaultLimits {
+  float layer_gap = 2;      ///< coverings of a texel further apart in height are two layers
+  float steep_area = 4;     ///< more area of steep primitives is worth a split
+  float miss_limit = 0.75;  ///< corners further from the heights around them are worth a split
+  float step_limit = 2;     ///< neighbours further apart in height are worth a split
+};
+
+struct SurfaceFacts {
+  bool is_cloud = false;
+  bool prefers_discs = false;
+  bool is_noisy = false;  ///< a mesh
+  float disc_radius = 0;  ///< of a cloud, mean, texels
+};
+
+FaultLimits fault_limits(const SurfaceFacts& surface);
+
+// --- tiles ---
+
+/// Why a height field is a poor fit for a tile's primitives.
+struct TileFlaws {
+  bool has_back = false;   ///< part of it faces away from the tile
+  bool is_steep = false;   ///< part of it is steep on the tile's plane
+  bool is_uneven = false;  ///< two layers, a depth step, or corners far from the heights
+
+  bool any() const { return has_back || is_steep || is_uneven; }
+};
+
+TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits);
+
+/// A tile once its own primitives are rasterised.
+struct TileFacts {
+  std::uint32_t primitives = 0;
+  std::uint32_t texels = 0;         ///< of its rectangle
+  float surface_texels = 0;         ///< rho times the area of its primitives
+  bool is_faulty = false;           ///< it has flaws, or its boundary is separated
+  bool is_uncovered_group = false;  ///< all its primitives were uncovered in another tile
+};
+
+enum class LeafDecision { kRasterize, kExact, kSplit };
+
+LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs);
+
+/// What becomes of a finished tile of which some triangles are uncovered: no ray finds them in it. kSplit:
+/// these become leaves of their own.
+LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives);
+
+// --- how a node is split ---
+
+enum class SplitBy {
+  kRule,      ///< the partition's: spatial median or surface area heuristic
+  kFacing,    ///< primitives that face a direction from those that do not
+  kBoundary,  ///< primitives at boundary edges from those that are not
+  kFirst,     ///< the first few references from the rest
+};
+
+/// How a faulty tile is split. `cosine`: with kFacing, the least one of primitives that face the tile's
+/// normal.
+struct FaultSplit {
+  SplitBy by = SplitBy::kRule;
+  float cosine = 0;
+};
+FaultSplit choose_fault_split(const TileFlaws& flaws);
+
+/// The kind of split (RBVH_SPLIT_*). Two objects are split apart first: one tile would fuse them.
+std::uint32_t split_kind(SplitBy by, std::uint32_t objects);
+
+/// The kind to try next where one leaves a side empty; RBVH_SPLIT_COUNT never does.
+std::uint32_t next_split_kind(std::uint32_t kind);
+
+}  // namespace rbvh

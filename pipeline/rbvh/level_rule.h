@@ -1,0 +1,22 @@
+// A level's parameters applied to nodes of the partition.
+#pragma once
+
+#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/partition.h"
+
+namespace rbvh {
+
+struct LevelRule {
+  LevelConfig level;
+  const BuildConfig* config = nullptr;
+  float area = 1;          ///< that rho is for, scan units squared
+  float largest_tile = 0;  ///< side in texels; 0: optimal_resolution()
+};
+
+/// Texels per scan unit squared that the level asks for at the node.
+float texels_per_area(const LevelRule& rule, const PartitionNode& node);
+
+/// Whether the level splits the node before anything is rasterised.
+bool wants_split(const LevelRule& rule, const PartitionNode& node);
+
+}  // namespace rbvh

@@ -1,0 +1,95 @@
+#include "pipeline/rbvh/rasterize.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "pipeline/rbvh/tile_border.h"
+#include "pipeline/rbvh/tile_faults.h"
+#include "pipeline/rbvh/tile_frame.h"
+#include "pipeline/rbvh/tile_texels.h"
+
+namespace rbvh {
+namespace {
+
+/// Heights of the tiles' own primitives, and where they are a poor fit.
+std::vector<TileFaults> rasterize_own(TileRaster& raster, const Runs& own) {
+  const Device& device = raster.device();
+  raster.upload_tiles();
+  raster.keys = Buffer<std::uint32_t>(device, raster.texel_count);
+  Buffer<std::uint32_t> lowest(device, raster.texel_count), highest(device, raster.texel_count);
+  for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest}) buffer->fill(0);
+  Buffer<TileFaults> faults(device, std::vector<TileFaults>(raster.tiles.size()));
+  run_over(raster.device(), own, "build/rasterize", "rasterize_own", raster.device_tiles,
+           raster.partition.references, raster.primitives.shape, raster.discs(), raster.dilation().own,
+           raster.dilation().border, raster.keys, lowest, highest, faults);
+  count_faults(raster, own, lowest, highest, faults);
+  return faults.read();
+}
+
+std::vector<Tile> make_drafts(TileRaster& raster) {
+  const Runs own = own_runs(raster);
+  const std::vector<TileAxes> axes = tile_axes(raster.partition, raster.nodes);
+  place_tiles(raster, own, axes);
+  const std::vector<TileFaults> faults = rasterize_own(raster, own);
+  std::vector<Tile> drafts(raster.tiles.size());
+  for (std::size_t k = 0; k < drafts.size(); ++k) {
+    const PartitionNode& node = raster.node(k);
+    Tile& draft = drafts[k];
+    draft.node = raster.nodes[k];
+    draft.leaf.width = static_cast<std::uint16_t>(raster.tiles[k].width);
+    draft.leaf.height = static_cast<std::uint16_t>(raster.tiles[k].height);
+    draft.leaf.primitives = node.count();
+    draft.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
+    draft.flaws = find_flaws(faults[k], raster.config.limits);
+    draft.w = {axes[k].w[0], axes[k].w[1], axes[k].w[2]};
+  }
+  return drafts;
+}
+
+/// Leaves out the tiles that are to be split; the texels of the others stay where they are.
+void drop_split_tiles(TileRaster& raster, const std::vector<Tile>& drafts) {
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < drafts.size(); ++k) {
+    if (drafts[k].decision == LeafDecision::kSplit) continue;
+    raster.nodes[kept] = raster.nodes[k];
+    raster.tiles[kept++] = raster.tiles[k];
+  }
+  raster.nodes.resize(kept);
+  raster.tiles.resize(kept);
+  if (kept > 0) raster.upload_tiles();
+}
+
+void finish_tiles(const TileRaster& raster, std::vector<Tile>& finished, TileTexels& texels) {
+  const Runs own = own_runs(raster);
+  // The borders of discs stay as their own dilation leaves them.
+  std::optional<Neighbors> neighbors;
+  if (!raster.primitives.discs) {
+    neighbors = find_neighbors(raster);
+    merge_neighbors(raster, *neighbors);
+    find_uncovered(raster, own, finished);
+  }
+  store_texels(raster, own, neighbors ? &*neighbors : nullptr, finished, texels);
+}
+
+}  // namespace
+
+std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
+                                  const std::vector<std::uint32_t>& nodes, const RasterConfig& config,
+                                  const std::function<LeafDecision(const Tile&)>& decide,
+                                  TileTexels& texels) {
+  if (nodes.empty()) return {};
+  TileRaster raster{primitives, partition, config, nodes};
+  std::vector<Tile> drafts = make_drafts(raster);
+  std::vector<Tile> finished;
+  for (Tile& draft : drafts) {
+    draft.decision = decide(draft);
+    if (draft.decision != LeafDecision::kSplit) finished.push_back(draft);
+  }
+  drop_split_tiles(raster, drafts);
+  if (!finished.empty()) finish_tiles(raster, finished, texels);
+  for (const Tile& draft : drafts)
+    if (draft.decision == LeafDecision::kSplit) finished.push_back(draft);
+  return finished;
+}
+
+}  // namespace rbvh

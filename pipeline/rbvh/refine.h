@@ -1,0 +1,26 @@
+// Rasterises the leaves of a level and refines them: a leaf whose tile is a poor fit is split or falls back
+// to exact primitives, until all are good or small.
+#pragma once
+
+#include <vector>
+
+#include "pipeline/base/stopwatch.h"
+#include "pipeline/rbvh/level_rule.h"
+#include "pipeline/rbvh/partition.h"
+#include "pipeline/rbvh/primitives.h"
+#include "pipeline/rbvh/tile.h"
+
+namespace rbvh {
+
+struct RefinedLevel {
+  Partition partition;  ///< the level's own, with the splits of its faulty tiles
+  std::vector<Tile> tiles;
+  TileTexels texels;
+};
+
+/// `partition` stays as it is, so that no level depends on another. Adds to the seconds in `time` by the laps
+/// of `watch`.
+RefinedLevel refine_level(const Primitives& primitives, const Partition& partition, const LevelRule& rule,
+                          Stopwatch& watch, BuildTimings& time);
+
+}  // namespace rbvh
