@@ -39,7 +39,7 @@ bool is_invertible(const float* m) {
     if (!(size[i] >= 1 / kLargestValue && size[i] <= kLargestValue)) return false;
   }
   for (int i = 0; i < 3; ++i) {
-    const std::size_t k = (i + 1) % 3;
+    const auto k = static_cast<std::size_t>((i + 1) % 3);
     if (!(std::abs(dot(row[i], row[k])) <= 1e-3 * size[i] * size[k])) return false;
   }
   return true;
