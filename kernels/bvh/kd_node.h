@@ -1,9 +1,9 @@
-// What the walks through kd-trees share. Cells meet in planes, and a float cannot tell on which side of one a
-// ray passes that runs into an edge there: a plane is crossed between an earliest and a latest t, and the
-// cells on both sides are visited where the ray may be in them. A hit counts wherever it lies; the walk ends
-// where the cells to come begin behind it.
-#ifndef RBVH_EXACT_KD_H
-#define RBVH_EXACT_KD_H
+// What the traversals of kd-trees share. Neighbouring cells share a plane, and a float cannot tell on which
+// side of it a ray passes an edge that lies in it: a plane is crossed between an earliest and a latest t, and
+// the cells on both sides are visited where the ray may be in them. A hit counts wherever it lies; the
+// traversal ends where the cells to come begin behind it.
+#ifndef RBVH_KD_NODE_H
+#define RBVH_KD_NODE_H
 #include "kernels/bvh/box.h"
 #include "kernels/bvh/bvh_triangle.h"
 

@@ -82,6 +82,7 @@ static ALWAYS_INLINE void prepare_bounds(Packet* p, const BvhRoot* scene) {
   const float margin = error_bound(p->origin, scene);
   PacketBounds* b = &p->bounds;
   b->tmin = 0.0f;
+#pragma unroll
   for (uint axis = 0; axis < 3; ++axis) {
     const float lo = least(p->d[axis]), hi = greatest(p->d[axis]);
     // Signs differ, or a ray is nearly parallel to the planes.

@@ -1,5 +1,5 @@
-// Leaves of a wide hierarchy that are blocks of 8 triangles or, with -DDISCS, discs: met by one ray all at
-// once, or by a packet one after the other.
+// Leaves of a wide hierarchy that are blocks of 8 triangles or, with -DDISCS, discs. One
+// ray is tested against all 8 at once, a packet against one after the other.
 #ifndef RBVH_PRIMITIVE_BLOCK_H
 #define RBVH_PRIMITIVE_BLOCK_H
 #include "kernels/bvh/disc.h"

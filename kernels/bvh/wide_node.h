@@ -23,7 +23,7 @@ static ALWAYS_INLINE uint intersect_children(__global const WideNode* node, cons
 
 // What a packet's rays have in common, for interval arithmetic: the least tmin, and per axis the least and
 // the greatest inverse direction with their offsets, as in Query. Along an axis in which the rays' signs
-// differ `inverse` is 0 and the offsets are out of reach: it excludes nothing.
+// differ `inverse` is 0 and the offsets are infinite in effect: it excludes nothing.
 typedef struct PacketBounds {
   float tmin;
   float inverse[3][2], near_offset[3][2], far_offset[3][2];

@@ -19,6 +19,7 @@ static ALWAYS_INLINE void enter_tile_packet(__global const RbvhTile* tile, const
   const float top[3] = {(float)(tile->width - 1), (float)(tile->height - 1), tile->top + 1.0f};
   r->t0 = p->bounds.tmin;
   r->t1 = limit;
+#pragma unroll
   for (uint row = 0; row < 3; ++row) {
     r->o[row] = m[row] * p->origin[0] + m[row + 3] * p->origin[1] + m[row + 6] * p->origin[2] + m[row + 9];
     r->d[row] = m[row] * p->d[0] + m[row + 3] * p->d[1] + m[row + 6] * p->d[2] + 1e-20f;

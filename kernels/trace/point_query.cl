@@ -1,6 +1,6 @@
 // All leaves that a point of the surface lies in, or that come within a radius of it (section 5 of the
-// paper): a depth-first walk of the stored binary tree, whose boxes the host has grown so that a tile's rim
-// lies inside.
+// paper): a depth-first traversal of the stored binary tree, whose boxes the host has widened by what tiles
+// rasterise past their leaves' boxes.
 #include "kernels/common/bounds.h"
 #include "kernels/common/layout.h"
 
@@ -48,8 +48,8 @@ static inline float disc_distance2(float3 p, float3 center, float radius, float3
 }
 
 // Counts (`write` 0), or writes from firsts[i] on, in the tree's order. exact_first[leaf]: the first
-// primitive that it keeps, or 0xffffffff. radius: 0, or how far a leaf may be to be named without covering
-// the point.
+// of its exact primitives, or 0xffffffff. radius: 0, or the distance up to which a leaf is named without
+// covering the point.
 __kernel void point_query_find(__global const RbvhNode* nodes, __global const RbvhLeaf* leaves,
                                __global const ushort* heights, uint atlas_width,
                                __global const uint* exact_first, __global const RbvhPrimitive* primitives,

@@ -53,17 +53,27 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
   return h;
 }
 
-static ALWAYS_INLINE void make_hits(const Tree* tree, const Found16* found, const Packet* p, Hit* hits) {
-  float d[3][16], t[16];
+// What a packet found, by ray.
+typedef struct HitLanes {
+  float origin[3], d[3][16], t[16];
   uint id[16], at[16];
-  for (uint axis = 0; axis < 3; ++axis) vstore16(p->d[axis], 0, d[axis]);
-  vstore16(found->t, 0, t);
-  vstore16(found->id, 0, id);
-  vstore16(found->at, 0, at);
-  for (uint i = 0; i < 16; ++i) {
-    const Ray ray = {{p->origin[0], p->origin[1], p->origin[2]}, 0.0f, {d[0][i], d[1][i], d[2][i]}, INFINITY};
-    const Found one = {t[i], 0.0f, 0.0f, id[i], at[i]};
-    hits[i] = make_hit(tree, &one, &ray);
+} HitLanes;
+
+static ALWAYS_INLINE void make_lanes(const Tree* tree, const Found16* found, const Packet* p,
+                                     HitLanes* lanes) {
+  for (uint axis = 0; axis < 3; ++axis) {
+    lanes->origin[axis] = p->origin[axis];
+    vstore16(p->d[axis], 0, lanes->d[axis]);
   }
+  vstore16(found->t, 0, lanes->t);
+  vstore16(found->id, 0, lanes->id);
+  vstore16(found->at, 0, lanes->at);
+}
+
+static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const HitLanes* l, uint i) {
+  const Ray ray = {
+      {l->origin[0], l->origin[1], l->origin[2]}, 0.0f, {l->d[0][i], l->d[1][i], l->d[2][i]}, INFINITY};
+  const Found found = {l->t[i], 0.0f, 0.0f, l->id[i], l->at[i]};
+  return make_hit(tree, &found, &ray);
 }
 #endif

@@ -1,6 +1,6 @@
 // bvh-parent: the binary hierarchy without a stack, by links to the parents (Hapala, Davidovic, Wald, Havran,
 // Slusallek, "Efficient Stack-less BVH Traversal for Ray Tracing", SCCG 2011). The only state is the node,
-// and whether the walk came to it from above, from its nearer sibling, or from below. Which child is the
+// and whether the traversal came to it from above, from its nearer sibling, or from below. Which child is the
 // nearer one must be the same on the way down and up: the ray's sign along the axis that parts them decides.
 //
 //   ParentNode, 32 bytes: the node's own box and its links; node 0 is the root, node 1 is not used, so that

@@ -27,16 +27,16 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
       ++visited.x;
       __global const NodePair* node = tree->nodes + current;
       float2 entry;
-      const uint met = intersect_pair(node, q, found->t, &entry);
-      if (met == 3) {
+      const uint hits = intersect_pair(node, q, found->t, &entry);
+      if (hits == 3) {
         const uint nearer = entry.y < entry.x ? 1 : 0;
         stack[depth] = node->children[1 - nearer];
         stack_t[depth++] = nearer ? entry.x : entry.y;
         current = node->children[nearer];
         continue;
       }
-      if (met != 0) {
-        current = node->children[met - 1];
+      if (hits != 0) {
+        current = node->children[hits - 1];
         continue;
       }
     }

@@ -1,15 +1,16 @@
 // bvh-trail: the binary hierarchy without a stack, by restart trail (Laine, "Restart Trail for Stackless BVH
-// Traversal", HPG 2010). One bit a level says whether all but one of the node's children are done with there:
-//   both children met, bit clear: to the nearer; the other is still to come
-//   both met, bit set:            the nearer is done: to the other
-//   one met:                      to it; the bit is set, nothing is to come
-// To go on after a leaf, the deepest clear bit is set, those below it are cleared (an addition), and the walk
-// begins anew at the root, led by the bits. Order and boxes do not depend on what was found meanwhile, but
-// the limit does: a child may no longer be met. Where that happens at the very bit just set, what remains is
-// the nearer child, which is done.
+// Traversal", HPG 2010). One bit a level tells whether all but one of the node's children are done with
+// there:
+//   both children hit, bit clear: to the nearer; the other is still to come
+//   both hit, bit set:            the nearer is done: to the other
+//   one hit:                      to it; the bit is set, nothing is to come
+// To go on after a leaf, the deepest clear bit is set, those below it are cleared (an addition), and the
+// traversal begins anew at the root, led by the bits. Order and boxes do not depend on what was found
+// meanwhile, but the limit does: a child may no longer be hit. Where that happens at the very bit just set,
+// what remains is the nearer child, which is done.
 //
-// Most walks go on close to where they were: the last few nodes passed by are kept (his short stack, section
-// 3), and only when those are used up does the walk begin at the root.
+// Most traversals go on close to where they were: the last few nodes passed by are kept (his short stack,
+// section 3), and only when those are used up does the traversal begin at the root.
 //
 // Node: NodePair, as trace_bvh_stack.cl draws it.
 //
@@ -73,8 +74,8 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
       ++visited.x;
       __global const NodePair* node = tree->nodes + current;
       float2 entry;
-      const uint met = intersect_pair(node, q, found->t, &entry);
-      if (met == 3) {
+      const uint hits = intersect_pair(node, q, found->t, &entry);
+      if (hits == 3) {
         const uint nearer = entry.y < entry.x ? 1 : 0;
         const bool is_done = trail_bit(trail, level);
         if (!is_done) {
@@ -85,9 +86,9 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
         ++level;
         continue;
       }
-      if (met != 0 && level != set_last) {
+      if (hits != 0 && level != set_last) {
         trail = with_trail_bit(trail, level);
-        current = node->children[met - 1];
+        current = node->children[hits - 1];
         ++level;
         continue;
       }

@@ -1,8 +1,8 @@
 // kd-backtrack: the kd-tree without a stack, by links to the parents (Foley, Sugerman, "KD-Tree Acceleration
-// Structures for a GPU Raytracer", GH 2005). After a leaf the walk goes up until there is a far child that
-// the ray meets; the part of the ray inside a cell is had from the cell's box, so that nothing need be
-// remembered but the node. Which child the walk comes up from says what is done: their distance along the ray
-// would not, where planes are crossed within rounding of each other.
+// Structures for a GPU Raytracer", GH 2005). After a leaf the traversal goes up until there is a far child
+// that the ray enters; the part of the ray inside a cell is had from the cell's box, so that nothing need be
+// remembered but the node. Which child the traversal comes up from tells what is done: their distance along
+// the ray would not, where planes are crossed within rounding of each other.
 //
 //   KdCellNode, 40 bytes
 //   | lo.x | lo.y | lo.z | link | hi.x | hi.y | hi.z | parent | position | unused |
@@ -19,7 +19,7 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
   float2 t = scene_interval(tree->scene, q);  // the part of the ray in the node's cell
   if (!(t.x <= min(t.y, found->t))) return visited;
   while (true) {
-    // Down, to the nearer child where both are met.
+    // Down, to the nearer child where both are hit.
     ++visited.x;
     __global const KdCellNode* node = tree->nodes + current;
     uint axis = node->link & 3, first = node->link >> 2;
@@ -39,7 +39,7 @@ static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) 
                              found, &visited) &&
         any)
       return visited;
-    // Up, until a child has a far sibling that the ray meets before what was found.
+    // Up, until a child has a far sibling that the ray enters before what was found.
     while (true) {
       if (current == 0) return visited;
       const uint child = current;

@@ -1,13 +1,13 @@
 // kd-pushdown: the kd-tree without a stack, by restarts from as deep as can be (Horn, Sugerman, Houston,
-// Hanrahan, "Interactive k-D Tree GPU Raytracing", I3D 2007). After a leaf the walk begins anew, not at the
-// root but at the deepest node that everything still to come lies below: as long as nothing waits above, the
-// start is pushed down with the walk.
+// Hanrahan, "Interactive k-D Tree GPU Raytracing", I3D 2007). After a leaf the traversal begins anew, not at
+// the root but at the deepest node that everything still to come lies below: as long as nothing waits above,
+// the start is pushed down with the traversal.
 //
-// Their walk tells what is done by how far along the ray it is. Where several planes are crossed within
-// rounding of each other that would skip cells, so a bit a level says it instead, as in trace_bvh_trail.cl:
+// Their traversal tells what is done by how far along the ray it is. Where several planes are crossed within
+// rounding of each other that would skip cells, so a bit a level tells it instead, as in trace_bvh_trail.cl:
 // set where all but one of the node's children are done with. The start's own bit is always clear: if it were
 // set the start would move down. The last few cells passed by are kept (their short stack, section 3.3): only
-// when those are used up does the walk begin at the start.
+// when those are used up does the traversal begin at the start.
 //
 // Node: KdCutNode, as trace_kd_stack.cl draws it.
 #include "kernels/bvh/kd_node.h"

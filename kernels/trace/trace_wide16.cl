@@ -41,19 +41,24 @@ static ALWAYS_INLINE bool takes_packet(Packet* p) {
   return is_shear_of_each(p->d, p->shear.kz);
 }
 
-// make_hit() for 16 rays.
-static ALWAYS_INLINE void make_hits(const Tree* tree, const Found16* found, const Packet* p, Hit* hits) {
-  __global const PrimitiveBlock* blocks = tree->primitives;
-  const float16* d = p->d;
-  float corners[9][16], t[16], u[16], v[16], normal[3][16];
-  uint id[16], at[16];
-  vstore16(found->t, 0, t);
-  vstore16(found->u, 0, u);
-  vstore16(found->v, 0, v);
-  vstore16(found->id, 0, id);
+// What a packet found, by ray.
+typedef struct HitLanes {
+  float t[16], u[16], v[16], normal[3][16];
+  uint id[16], back;  // back: as bits
+} HitLanes;
+
+// make_hit()'s arithmetic for 16 rays.
+static ALWAYS_INLINE void make_lanes(const Tree* tree, const Found16* found, const Packet* p,
+                                     HitLanes* lanes) {
+  float corners[9][16];
+  uint at[16];
+  vstore16(found->t, 0, lanes->t);
+  vstore16(found->u, 0, lanes->u);
+  vstore16(found->v, 0, lanes->v);
+  vstore16(found->id, 0, lanes->id);
   vstore16(found->at, 0, at);
   for (uint i = 0; i < 16; ++i) {
-    __global const PrimitiveBlock* b = blocks + at[i] / PRIMITIVE_BLOCK_WIDTH;
+    __global const PrimitiveBlock* b = tree->primitives + at[i] / PRIMITIVE_BLOCK_WIDTH;
     for (uint row = 0; row < 9; ++row) corners[row][i] = b->rows[row][at[i] % PRIMITIVE_BLOCK_WIDTH];
   }
   float16 ab[3], ac[3], n[3], e = 0.0f;
@@ -74,18 +79,21 @@ static ALWAYS_INLINE void make_hits(const Tree* tree, const Found16* found, cons
   const float16 inverse_length = 1.0f / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
   for (uint axis = 0; axis < 3; ++axis) {
     n[axis] *= inverse_length;
-    vstore16(n[axis], 0, normal[axis]);
+    vstore16(n[axis], 0, lanes->normal[axis]);
   }
-  const uint back = lane_bits16(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0f);
-  for (uint i = 0; i < 16; ++i) {
-    const bool hit = id[i] != RBVH_NO_LEAF;
-    hits[i].t = hit ? t[i] : INFINITY;
-    for (uint axis = 0; axis < 3; ++axis) hits[i].normal[axis] = hit ? normal[axis][i] : 0.0f;
-    hits[i].u = hit ? u[i] : 0.0f;
-    hits[i].v = hit ? v[i] : 0.0f;
-    hits[i].leaf = id[i];
-    hits[i].flags = hit ? RBVH_HIT_TRIANGLE_LEAF | (back >> i & 1 ? RBVH_HIT_BACK_FACE : 0u) : 0u;
-  }
+  lanes->back = lane_bits16(n[0] * p->d[0] + n[1] * p->d[1] + n[2] * p->d[2] > 0.0f);
+}
+
+static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const HitLanes* l, uint i) {
+  Hit hit = no_hit();
+  if (l->id[i] == RBVH_NO_LEAF) return hit;
+  hit.t = l->t[i];
+  for (uint axis = 0; axis < 3; ++axis) hit.normal[axis] = l->normal[axis][i];
+  hit.u = l->u[i];
+  hit.v = l->v[i];
+  hit.leaf = l->id[i];
+  hit.flags = RBVH_HIT_TRIANGLE_LEAF | (l->back >> i & 1 ? RBVH_HIT_BACK_FACE : 0u);
+  return hit;
 }
 
 #include "kernels/trace/packet_entries.h"

@@ -43,7 +43,7 @@ inline constexpr int kMaxBvhDepth = 120;
 /// Nodes from the root to the deepest leaf; 0 for an empty tree.
 int depth(const Bvh& bvh);
 
-/// What a random ray that meets the root's box is expected to pay (the surface area heuristic).
+/// What a random ray that enters the root's box is expected to cost (the surface area heuristic).
 double sah_cost(const Bvh& bvh, const BvhConfig& config);
 
 /// Finite and not inverted; builders leave other boxes out.

@@ -9,7 +9,7 @@
 
 namespace rbvh {
 
-/// Four floats that compilers keep in one register; the fourth is not looked at.
+/// Four floats that compilers keep in one register; the fourth is not used.
 struct Lanes {
   alignas(16) float v[4];
 };

@@ -88,7 +88,7 @@ ParentLayout flatten_bvh_parents(const Bvh& bvh, const Scan& scan) {
   ParentLayout layout;
   layout.triangles = leaf_triangles(bvh, scan);
   layout.scene = exact_scene(bvh.nodes.empty() ? Bounds3f{} : bvh.nodes[0].bounds);
-  if (bvh.nodes.empty()) {  // far away, without extent: never met
+  if (bvh.nodes.empty()) {  // far away, without extent: never hit
     layout.nodes.push_back({{kFar, kFar, kFar}, BVH_LEAF_BIT, {kFar, kFar, kFar}, 0});
     return layout;
   }

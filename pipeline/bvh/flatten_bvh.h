@@ -1,4 +1,4 @@
-// From a binary hierarchy to what the traversals of binary hierarchies walk: nodes that hold their children's
+// From a binary hierarchy to the layouts that its traversals read: nodes that hold their children's
 // boxes (bvh-stack, bvh-trail), or their own and a link to their parent (bvh-parent).
 #pragma once
 

@@ -1,5 +1,5 @@
-// From a kd-tree to what its traversals walk: small nodes (kd-stack, kd-pushdown), or nodes with their cells'
-// boxes and links to their parents (kd-backtrack).
+// From a kd-tree to the layouts that its traversals read: small nodes (kd-stack, kd-pushdown), or nodes with
+// their cells' boxes and links to their parents (kd-backtrack).
 #pragma once
 
 #include <vector>

@@ -32,7 +32,7 @@ struct KdConfig {
   float intersection_cost = 1.5f;
   /// What a cut that leaves one side empty costs, of what it would otherwise.
   float empty_factor = 0.8f;
-  /// Cells without extent along an axis. Not for a walk that finds its way back by the cells' boxes.
+  /// Cells without extent along an axis. Not for a traversal that goes back up by the cells' boxes.
   bool flat_cells = true;
 };
 

@@ -18,7 +18,7 @@ namespace rbvh {
 
 struct ExactConfig {
   ExactTraversal traversal = ExactTraversal::kWide16;
-  ExactBuilder builder = ExactBuilder::kSahBinned;  ///< of the kind of tree that the traversal walks
+  ExactBuilder builder = ExactBuilder::kSahBinned;  ///< of the kind of tree that the traversal takes
 };
 
 /// A scan in the traversal's own layout. Cheap to copy.

@@ -23,7 +23,8 @@ struct TileTracer final : Tracer {
   const Level* level = nullptr;
 
   using Tracer::Tracer;
-  /// Of several tiles at the same t the lowest leaf is hit. `steps` counts nodes and grid lines.
+  /// t in [tmin, tmax]; of several tiles at the same t the lowest leaf's. `steps` counts nodes and grid
+  /// lines.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
