@@ -17,7 +17,7 @@ namespace {
 struct Scene {
   std::string name;
   Scan scan;
-  /// Planes meet vertices and costs are equal by design there, so what rounding decides is common.
+  /// Planes pass through vertices and costs are equal by design, so rounding decides often.
   bool regular = false;
 };
 

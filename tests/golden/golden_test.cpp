@@ -13,7 +13,7 @@
 namespace rbvh {
 namespace {
 
-// Devices differ in the last bits, and with them a pixel at the rim of the object, a tile's border, a
+// Devices differ in the last bits, and with them a pixel at the silhouette, a tile's border, a
 // quantised height: a few pixels may be anything, all others a few of 255 steps off. Kernels built without
 // contraction to FMA differed in up to 2 pixels and by a mean of 0.016. What has to be beyond the limits:
 // see SeesWhatItIsThereFor.
