@@ -1,5 +1,5 @@
 // Measures an RBVH against Embree and the exact tracer: builds, bytes, and primary and one-bounce diffuse
-// rays, in one process, on the same rays, repetitions interleaved. Writes figures down; passes and fails
+// rays, in one process, on the same rays, repetitions interleaved. Reports figures; passes and fails
 // nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>

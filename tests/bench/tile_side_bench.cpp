@@ -1,6 +1,6 @@
 // The experiment of the paper's figure 4 (section 3.4): how large should tiles be? For each pixel-to-area
 // ratio levels with tiles of no more than so many texels a side are traced; the mean sides within 2% of the
-// best rate make an interval, and a logarithm is fitted to the intervals' midpoints. Writes figures down;
+// best rate make an interval, and a logarithm is fitted to the intervals' midpoints. Reports figures;
 // passes and fails nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // The device's partition against the host's, which shares no code with it: every split of every node, and
-// whole trees built apart.
+// whole trees built independently.
 #include "pipeline/rbvh/partition_host.h"
 
 #include <gtest/gtest.h>

@@ -386,7 +386,7 @@ TEST(Faults, NeitherSideOfAThinSheetIsLost) {
   }
 }
 
-// What a build promises.
+// What a build guarantees.
 
 bool same(const Level& a, const Level& b) {
   const auto bytes = [](const auto& x, const auto& y) {
@@ -402,7 +402,7 @@ bool same(const Level& a, const Level& b) {
 
 TEST(Build, GivesTheSameBytesAgainAndEachLevelAlone) {
   for (const Scan& scan : {bumpy_sphere(90), thicket(300, 1), noisy_discs(30, 1)}) {
-    // Without exact leaves, tiles that are faulty go on splitting longest.
+    // Without exact leaves, faulty tiles are split longest.
     const Hybrid hybrid = scan.is_cloud() ? Hybrid::kOff : Hybrid::kAuto;
     const auto built = [&](std::vector<LevelConfig> levels) {
       return build(scan, std::move(levels), Refinement::kProjectedArea, hybrid);

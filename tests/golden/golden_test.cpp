@@ -1,6 +1,6 @@
-// Pictures of a small scene against those in this folder: what no figure says (a mirrored image, a light that
-// is gone, a hole) is seen here. README.md says why each is there. After a change that is meant to be seen,
-// look at the new ones and renew them:
+// Pictures of a small scene against those in this folder: they catch what no figure shows (a mirrored image,
+// a missing light, a hole). README.md says what each covers. After a change that is meant to be visible, look
+// at the new ones and renew them:
 //
 //   RBVH_RENEW_GOLDEN=1 build/release/tests/golden_test
 #include <OpenImageIO/imageio.h>
@@ -40,7 +40,7 @@ Picture read_picture(const std::string& path) {
   return p;
 }
 
-// What differs, in words; empty: nothing that matters.
+// What differs, in words; empty: nothing relevant.
 std::string difference(const Picture& a, const Picture& b) {
   if (a.pixels.empty() || b.pixels.empty()) return "not both can be read";
   if (a.width != b.width || a.height != b.height) return "another size";
@@ -208,7 +208,7 @@ TEST_F(Golden, Discs) {
   expect_golden("discs.png");
 }
 
-// The yardstick itself: each of these changes is to be seen in every picture.
+// The limits themselves: each of these changes must be caught in every picture.
 TEST_F(Golden, SeesWhatItIsThereFor) {
   for (const char* name : kAll) {
     const Picture p = read_picture(std::string(RBVH_SOURCE "/tests/golden/") + name);

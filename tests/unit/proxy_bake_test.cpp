@@ -73,7 +73,7 @@ std::map<std::size_t, std::size_t> edge_uses(const Proxy& proxy) {
   return histogram;
 }
 
-// Written apart from find_fault(): patches at one edge agree bit by bit at the coarser one's texels.
+// Independent of find_fault(): patches at one edge agree bit by bit at the coarser one's texels.
 void expect_no_crack(const Proxy& proxy) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<std::vector<Vec3f>>> lines;
   for (std::size_t patch = 0; patch < proxy.quads.size(); ++patch) {

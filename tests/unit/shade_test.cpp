@@ -170,7 +170,7 @@ TEST(SampleSurface, ATileIsBilinearBetweenTexelCentres) {
 }
 
 TEST(SampleSurface, AnExactPrimitiveWithoutTexelsHasItsOwnNormal) {
-  // At u = 0 the texels say +z.
+  // At u = 0 the texels hold +z.
   const Hit seen{1, {0, 0.5f, 0.86603f}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
   const Hit unseen{1, {0, 1, 0}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
   const SurfaceSamples s = sample_surface(small_level(), std::vector<Hit>{seen, unseen});
