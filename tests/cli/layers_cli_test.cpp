@@ -257,7 +257,7 @@ TEST_F(Detail, OptionsThatMeanNothingAreRefusedOrSaid) {
   bad("validate a.rbvh --pictures there", 2, "--against");
   bad("paint a.rbvh --layer wear --scan ball.ply --radius 1 -o x.rbvh", 2, "--radius");
   bad("paint a.rbvh --layer wear --scan ball.ply --reach 1 -o x.rbvh", 2, "--reach");
-  // For a scan, which has no levels, --level is ignored with a note.
+  // For a scan, which has no levels, the option is ignored with a note.
   for (const std::string& words : {render + "ball.ply -f --level Q2", trace + "ball.ply -f --level Q2"}) {
     const ToolRun run = tool(words + " --progress none");
     EXPECT_EQ(run.code, 0) << run.err;
