@@ -1,5 +1,4 @@
-// Brute force in double precision: what a ray hits, found by asking every primitive. Shares no code with the
-// tracers.
+// Brute force in double precision: a ray against every primitive. Shares no code with the tracers.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +18,7 @@ inline Point cross(const Point& a, const Point& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-/// A ray's meeting with one primitive's plane.
+/// Where a ray crosses one primitive's plane.
 struct Meeting {
   bool crosses = false;  ///< the plane, at a definite t
   double t = 0;

@@ -9,7 +9,7 @@
 namespace rbvh {
 
 /// Two quads side by side in the plane z = 0, with tiles of 5 and of 3 texels a side; both follow one smooth
-/// surface, and where they meet they agree.
+/// surface, and agree on their common edge.
 inline Proxy make_two_patch_proxy() {
   Proxy proxy;
   proxy.positions = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {0, 1, 0}, {1, 1, 0}, {2, 1, 0}};
@@ -27,7 +27,7 @@ inline Proxy make_two_patch_proxy() {
         proxy.map[texel_index(proxy, proxy.tiles[patch], i, j)] = {0.125f * p.y, 0, height(p.x, p.y)};
       }
   }
-  // The finer one's rim lies on the coarser one's chords.
+  // The finer one's edge lies on the coarser one's chords.
   const auto texel = [&](std::uint32_t j) -> Vec3f& { return proxy.map[j * 8 + 4]; };
   for (std::uint32_t j = 1; j < 5; j += 2) texel(j) = mix(texel(j - 1), texel(j + 1), 0.5f);
   measure_displacements(proxy);

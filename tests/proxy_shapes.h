@@ -123,7 +123,7 @@ inline Vec3f ripples(Vec3f p, float frequency, int octaves) {
   return sum;
 }
 
-/// A sphere's point moved so that the surface hangs over itself: mushrooms that also turn.
+/// A sphere's point moved so that the surface overhangs: mushrooms that are also twisted.
 inline Vec3f mushrooms(Vec3f p, float height) {
   const Vec3f n = normalized(p);
   const float wave = std::sin(7 * n.x) * std::sin(7 * n.y + 1) * std::sin(7 * n.z + 2);

@@ -30,7 +30,7 @@ std::vector<EmbreeBuild> embree_builds();
 std::vector<EmbreeVariant> embree_variants();
 std::string embree_version();  ///< empty without Embree
 
-/// Rays laid out as each mode wants them, outside the measured time.
+/// Rays in the layout of each mode, made outside the measured time.
 class EmbreeRays {
  public:
   /// kAny: whether a ray is occluded up to its tmax, in every mode but kStream; kNearest: tmax is no limit.
@@ -50,7 +50,7 @@ class EmbreeRays {
 
 class EmbreeScene {
  public:
-  /// Throws Error(kFailure) with Embree's word for it.
+  /// Throws Error(kFailure) with Embree's message.
   EmbreeScene(const Scan& scan, const EmbreeBuild& build, int threads);
   ~EmbreeScene();
   EmbreeScene(EmbreeScene&&) noexcept;
@@ -59,8 +59,8 @@ class EmbreeScene {
   double build_seconds() const;  ///< of rtcCommitScene: hierarchy and its own copy of the primitives
   std::size_t bytes() const;     ///< what Embree holds for it, by its own count
 
-  /// Nearest hits by `thread_count()` threads; the normals are Embree's, not of unit length. Of an occluded
-  /// ray only that it hits is told.
+  /// Nearest hits by `thread_count()` threads; the normals are Embree's, not of unit length. Of an
+  /// occluded ray only that it hits.
   void trace(EmbreeMode mode, const EmbreeRays& rays, std::vector<Hit>& hits) const;
 
  private:

@@ -1,7 +1,6 @@
 // Measures the exact hierarchies: every traversal on every builder's tree, beside Embree in the same process,
-// on the same rays. Each is traced in turn with Embree's single rays, again and again, and compared by the
-// median of the ratios: what slows the machine down for a while slows both. Writes figures down; passes and
-// fails nothing.
+// on the same rays. Each alternates with Embree's single rays, and is compared by the median of the ratios,
+// so that a slow phase of the machine slows both. Reports figures; passes and fails nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -163,7 +162,7 @@ Json measure_embree(const std::vector<Embree>& scenes, EmbreeMode mode, const st
   return row;
 }
 
-/// In turn with Embree's better build.
+/// Alternates with Embree's better build.
 Json measure_rays(const std::function<void()>& trace, const RaySet& set, const std::vector<Embree>& embree,
                   EmbreeMode mode, int repetitions) {
   trace();  // compiles

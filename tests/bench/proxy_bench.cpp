@@ -2,7 +2,7 @@
 // (table 1.1 of Harada, "Rendering Vector Displacement Mapped Surfaces in a GPU Ray Tracer", GPU Pro 6), time
 // by phase for primary, shadow and bounced rays (figures 1.7, 1.9, 1.10), and time by rays a patch. The
 // scenes are made here, after the source's four: one pumpkin, one bark, seven barks, and a party of both.
-// Writes figures down; passes and fails nothing.
+// Reports figures; passes and fails nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>

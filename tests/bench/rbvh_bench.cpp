@@ -1,5 +1,5 @@
 // Measures an RBVH against Embree and the exact tracer: builds, bytes, and primary and one-bounce diffuse
-// rays, in one process, on the same rays, repetitions interleaved. Writes figures down; passes and fails
+// rays, in one process, on the same rays, repetitions interleaved. Reports figures; passes and fails
 // nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -42,7 +42,7 @@ double seconds_of(const std::function<void()>& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// Something that traces the rays of one kind; its result says where its hits went.
+/// Something that traces the rays of one kind, and its result.
 struct Contender {
   RaysResult result;
   std::function<void()> trace;
@@ -54,8 +54,7 @@ std::size_t count_hits(const std::vector<Hit>& hits) {
       std::count_if(hits.begin(), hits.end(), [](const Hit& hit) { return hit.leaf != RBVH_NO_LEAF; }));
 }
 
-/// Once unmeasured, then all contenders in turn, again and again: what slows the machine down for a while
-/// slows all.
+/// One unmeasured round, then rounds over all contenders, so that a slow phase of the machine slows all.
 void run_interleaved(std::vector<Contender>& contenders, int repetitions, Report& report) {
   for (Contender& c : contenders) {
     c.trace();

@@ -1,6 +1,6 @@
 // The experiment of the paper's figure 4 (section 3.4): how large should tiles be? For each pixel-to-area
 // ratio levels with tiles of no more than so many texels a side are traced; the mean sides within 2% of the
-// best rate make an interval, and a logarithm is fitted to the intervals' midpoints. Writes figures down;
+// best rate make an interval, and a logarithm is fitted to the intervals' midpoints. Reports figures;
 // passes and fails nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -192,7 +192,7 @@ int main(int argc, char** argv) {
   CLI::App app("How large tiles should be: the experiment of the paper's figure 4.");
   app.add_option("SCAN", options.scan, "a scan, as ingest writes it")->required();
   app.add_option("--device", options.device, "OpenCL device");
-  app.add_option("--rounds", options.rounds, "repetitions, all sides in turn (the median counts)");
+  app.add_option("--rounds", options.rounds, "repetitions over all sides (the median counts)");
   app.add_option("--resolution", options.resolution, "pixels both ways, a multiple of 8");
   app.add_flag("--splits", options.splits, "table 1 instead: spatial median against surface area heuristic");
   app.add_flag("--sah", sah, "split by the surface area heuristic");

@@ -32,7 +32,7 @@ std::vector<Side> sorted_sides(const Scan& mesh) {
   return sides;
 }
 
-/// What a vertex's new place is told from.
+/// What a vertex's new position is computed from.
 struct Ring {
   Vec3d sum, crease_sum;
   std::uint32_t count = 0, creases = 0;

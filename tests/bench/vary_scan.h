@@ -10,7 +10,7 @@
 namespace rbvh {
 
 /// One step of Loop's subdivision (1987): four times the triangles, on a smoother surface. Edges of one or of
-/// more than two triangles are creases. Keeps positions and triangles alone.
+/// more than two triangles are creases. The result has positions and triangles only.
 Scan loop_subdivided(const Scan& mesh);
 
 /// Of all triangles' edges.

@@ -35,7 +35,7 @@ class FullDisk : public ToolTest {
     for (const auto& entry : std::filesystem::directory_iterator(path("out")))
       std::filesystem::remove(entry.path());
   }
-  /// What `words` write where there is room.
+  /// What `words` write where there is space.
   Contents whole(const std::string& words) const {
     good(words);
     Contents contents = outputs();

@@ -1,4 +1,4 @@
-// info and validate through the binary: what they say of pairs and scans, whole and damaged.
+// info and validate through the binary: what they report of pairs and scans, whole and damaged.
 #include <nlohmann/json.hpp>
 
 #include "io/rbvh_file.h"
@@ -22,7 +22,7 @@ class Info : public ToolTest {
     EXPECT_EQ(run.code, 0) << run.err;
     return Json::parse(run.out, nullptr, false);
   }
-  // Both stages refuse the file: exit 3 and one line that holds `part`.
+  // Both stages refuse the file: exit 3 and one line that contains `part`.
   void expect_refused(const std::string& file, const std::string& part) const {
     for (const std::string stage : {"info", "validate"}) {
       const ToolRun run = tool(stage + " " + file);

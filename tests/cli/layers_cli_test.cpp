@@ -113,7 +113,7 @@ TEST_F(Detail, BuildMeasuresAndValidateHoldsItAgainst) {
   EXPECT_EQ(found["stored"], stored);
   EXPECT_NEAR(found["image"]["rmse"].get<double>(), stored["image"]["rmse"].get<double>(), 1e-5);
   EXPECT_NEAR(found["image_relative"].get<double>(), stored["image_relative"].get<double>(), 1e-4);
-  // Other views say nothing; another scan is told.
+  // Other views are not compared; another scan is reported.
   const ToolRun other = tool("validate a.rbvh --against ball.ply --json --views 1 --resolution 64 -q");
   EXPECT_TRUE(Json::parse(other.out)["fidelity"][0]["as_stored"].is_null());
   write("rough.ply", ball_ply(7));
@@ -257,7 +257,7 @@ TEST_F(Detail, OptionsThatMeanNothingAreRefusedOrSaid) {
   bad("validate a.rbvh --pictures there", 2, "--against");
   bad("paint a.rbvh --layer wear --scan ball.ply --radius 1 -o x.rbvh", 2, "--radius");
   bad("paint a.rbvh --layer wear --scan ball.ply --reach 1 -o x.rbvh", 2, "--reach");
-  // Of a scan, which has no levels, one is ignored; that is said.
+  // For a scan, which has no levels, the option is ignored with a note.
   for (const std::string& words : {render + "ball.ply -f --level Q2", trace + "ball.ply -f --level Q2"}) {
     const ToolRun run = tool(words + " --progress none");
     EXPECT_EQ(run.code, 0) << run.err;

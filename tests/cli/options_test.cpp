@@ -40,7 +40,7 @@ class Options : public ToolTest {
     return declared;
   }
 
-  /// The statements of all tests of the command line, each after its file's name, which may be what says the
+  /// The statements of all tests of the command line, each after its file's name, which may name the
   /// stage.
   static std::vector<std::string> statements() {
     std::vector<std::string> all;

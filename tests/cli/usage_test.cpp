@@ -1,4 +1,4 @@
-// The words of the command line: what is refused, how, and that refusing leaves nothing behind.
+// The command line's options: what is refused, how, and that nothing is left behind.
 #include <nlohmann/json.hpp>
 
 #include "io/npy.h"
@@ -14,7 +14,7 @@ class Usage : public ToolTest {
     ToolTest::SetUp();
     write("a.ply", ball_ply(4));
   }
-  // A wrong word: exit 2, one line, which holds `part`, and nothing written.
+  // A wrong option: exit 2, one line, which contains `part`, and nothing written.
   void expect_usage_error(const std::string& words, const std::string& part) {
     const ToolRun run = tool(words);
     EXPECT_EQ(run.code, 2) << words << "\n" << run.err;

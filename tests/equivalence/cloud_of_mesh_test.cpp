@@ -1,5 +1,5 @@
-// Clouds against the mesh that they were sampled from: normals, radii and tiles together must give the
-// surface back.
+// Clouds against the mesh that they were sampled from: normals, radii and tiles together must
+// reproduce the surface.
 #include <gtest/gtest.h>
 
 #include <numbers>

@@ -1,5 +1,5 @@
 // The device's partition against the host's, which shares no code with it: every split of every node, and
-// whole trees built apart.
+// whole trees built independently.
 #include "pipeline/rbvh/partition_host.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ namespace {
 struct Scene {
   std::string name;
   Scan scan;
-  /// Planes meet vertices and costs are equal by design there, so what rounding decides is common.
+  /// Planes pass through vertices and costs are equal by design, so rounding decides often.
   bool regular = false;
 };
 

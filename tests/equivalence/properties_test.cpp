@@ -71,14 +71,14 @@ TEST(Properties, RandomHeightFieldsComeBackWithinHalfAQuantum) {
         ++compared;
         const std::uint16_t stored = texels.heights[y * tile.leaf.width + x];
         ASSERT_NE(stored, 0) << "trial " << trial << " texel " << x << "," << y;
-        // What float makes of coordinates of this size comes on top.
+        // Plus the rounding of coordinates of this size to float.
         EXPECT_NEAR(stored, height, 0.5 + 1e-6 / quantum) << "trial " << trial << " texel " << x << "," << y;
       }
     EXPECT_GT(compared, 200);
   }
 }
 
-/// Rays from everywhere to points on and near the scan.
+/// Rays from all around to points on and near the scan.
 std::vector<Ray> rays_at(Random& random, const Scan& scan, std::size_t count) {
   const Bounds3f box = bounds(scan);
   std::vector<Ray> rays;
@@ -126,8 +126,8 @@ TEST(Properties, AnyRaysHitLiesWithinTheLevelsStatedErrorOfTheScan) {
           worst = std::max(worst, static_cast<double>(surface.distance(at)));
         }
         EXPECT_GT(found, rays.size() / 3);
-        // The largest distance is told from points, which can miss a peak; there are narrow ones where tiles
-        // must show what they cannot, since no leaf falls back to exact triangles.
+        // The largest distance is measured at points, which can miss a peak; peaks are narrow where a height
+        // field is a poor fit, since no leaf falls back to exact triangles.
         const double slack = hybrid == Hybrid::kOff ? 1.6 : 1.05;
         EXPECT_LE(worst, slack * stated + 2e-6 * static_cast<double>(bounds(scan).diagonal()))
             << "scan " << k << " " << level.name << " hybrid " << static_cast<int>(hybrid);

@@ -2,7 +2,7 @@
 // exact_methods.h, against brute force in double precision, ray by ray: nearest and any hit, triangles and
 // discs, and the cases that break ray tracers. Nearest hits must be the same for all, to the last bit.
 //
-// A disagreement with brute force is an error unless float cannot know better. Ties, a hit within 1e-6
+// A disagreement with brute force is an error unless float rounding explains it. Ties, a hit within 1e-6
 // (barycentric) of an edge or two nearest t within 4 ulp, are counted; beyond them each primitive's error
 // bound follows from the coordinates' size, its own size and how edge-on the ray sees it, and those are
 // counted, too.
@@ -114,7 +114,7 @@ std::vector<Hit> cast_all(const std::vector<Method>& methods, const std::vector<
   return hits;
 }
 
-/// Over all comparisons: rays whose answer is not brute force's own, by what excuses them.
+/// Over all comparisons: rays whose hit is not brute force's, by what explains it.
 struct Ties {
   std::size_t rays = 0, ties = 0, rounding = 0;
 };
@@ -130,7 +130,7 @@ std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::v
     bool doubt = false;
     double nearest_sure = kInfinity, nearest = kInfinity, second = kInfinity, nearest_inside = 1;
     double exact_t = kInfinity;
-    std::uint32_t exact_leaf = RBVH_NO_LEAF;  // what double precision says, whatever its error
+    std::uint32_t exact_leaf = RBVH_NO_LEAF;  // in double precision, whatever its error
     std::optional<Bounded> claimed;
     for (std::size_t i = 0; i < count; ++i) {
       const std::optional<Bounded> b = meet(scan, i, ray);
@@ -194,7 +194,7 @@ std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::v
       ties->ties += tie && hit.leaf != exact_leaf ? 1 : 0;
       ties->rounding += !tie && hit.leaf != exact_leaf ? 1 : 0;
     }
-    if (::testing::Test::HasFailure()) return 0;  // one ray's words are enough
+    if (::testing::Test::HasFailure()) return 0;  // one ray's message is enough
   }
   return beyond_doubt;
 }
@@ -272,7 +272,7 @@ TEST_F(TraceExact, FlatGridAlongAcrossAndOnItsLines) {
     const Scan scan = grid(16, height);
     check(scan, exact_rays(random, scan, 1000), 0);
     check(scan, random_rays(random, scan, 1000), 0.8);
-    // Straight through every vertex and every middle of an edge: never a gap.
+    // Straight through every vertex and every midpoint of an edge: never a gap.
     std::vector<Ray> rays;
     for (int y = 0; y <= 32; ++y) {
       for (int x = 0; x <= 32; ++x) {

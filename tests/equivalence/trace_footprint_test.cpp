@@ -1,5 +1,5 @@
-// Rays that choose their level: each sees what its level alone shows, the level is the one its width asks
-// for, and none slips through where the level changes.
+// Rays that choose their level: each hits what its level alone would give, the level fits the ray's width,
+// and no ray slips through where the level changes.
 #include "pipeline/trace/trace_footprint.h"
 
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ TEST(Footprint, EachRaySeesItsLevelAndNoneSlipsThrough) {
   std::vector<std::size_t> seen(tracer.levels.size());
   std::size_t past_the_edge = 0, missed = 0, jumped = 0, hit = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    // The finest level's word on what is to be seen at all.
+    // The finest level decides what is visible at all.
     if (!std::isfinite(found[i].t)) {
       missed += std::isfinite(alone[0][i].t);
       continue;
@@ -77,7 +77,7 @@ TEST(Footprint, EachRaySeesItsLevelAndNoneSlipsThrough) {
     if (std::isfinite(alone[0][i].t)) {
       jumped += std::abs(found[i].t - alone[0][i].t) > 0.05f * found[i].t;  // at a crest, seen from the side
     } else {
-      ++past_the_edge;  // coarse texels reach further
+      ++past_the_edge;  // coarse texels extend further
     }
   }
   EXPECT_GT(hit, 5000u);

@@ -221,7 +221,7 @@ TEST_F(TracePatch, NothingDependsOnHowItIsTraced) {
   check(device, one_item, "one work item a round");
   check(device, many_items, "many work items a round");
   check(device, small_cache, "small cache");
-  check(device, nothing_kept, "nothing kept");
+  check(device, nothing_kept, "nothing cached");
   check(device, unbuilt, "nothing built");
   check(device.as_gpu(), unbuilt, "a GPU's code, nothing built");
   check(device.as_gpu(), gathered, "a GPU's code, gathered");

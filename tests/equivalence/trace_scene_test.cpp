@@ -111,7 +111,7 @@ TEST_F(TraceScene, IsTheMeshOfAllItsInstances) {
   });
 }
 
-// A ray goes past hundreds of boxes, in rounds of a few.
+// A ray passes hundreds of boxes, a few in each round.
 TEST_F(TraceScene, ManyInstancesAreAllThere) {
   Scan kinds[2] = {grid(1, 0), globe(random, 3, 4)};
   Scene scene;

@@ -127,8 +127,8 @@ TEST(TraceTile, PacketsAndSingleRaysAgree) {
   EXPECT_LE(differ, rays.size() / 5000);  // rounding at silhouettes
 }
 
-// Leaves that keep their primitives: a thicket of triangles, or a noisy layer of discs, is no height field
-// anywhere.
+// Leaves that fall back to exact primitives: a thicket of triangles, or a noisy layer of discs, is a height
+// field nowhere.
 Scan thicket(std::size_t count, std::uint64_t seed) {
   Random random(seed);
   return soup(random, count, 0.15f);
@@ -147,7 +147,7 @@ Scan noisy_discs(int n, std::uint64_t seed) {
   return scan;
 }
 
-TEST(TraceTile, HybridSaysWhichLeavesKeepTheirPrimitives) {
+TEST(TraceTile, HybridChoosesWhichLeavesFallBack) {
   // Some 20 texels a triangle: where it is fine, the triangles are the fewer bytes.
   const Scan scan = bumpy_sphere(60);
   const auto level_of = [&](float rho, Hybrid hybrid) {
@@ -170,7 +170,7 @@ TEST(TraceTile, HybridSaysWhichLeavesKeepTheirPrimitives) {
   }
 }
 
-TEST(TraceTile, PrimitivesThatLeavesKeepAreHitExactly) {
+TEST(TraceTile, LeavesThatFellBackAreHitExactly) {
   const std::uint64_t seed = property_seed();
   for (const Scan& scan : {thicket(400, seed), noisy_discs(40, seed)}) {
     const Level level =
@@ -204,9 +204,9 @@ TEST(TraceTile, PrimitivesThatLeavesKeepAreHitExactly) {
   }
 }
 
-TEST(TraceTile, NoRaySlipsBetweenPrimitivesThatLeavesKeep) {
-  // A crumpled sheet, whose one leaf keeps all of it, and rays from afar at points of the edges that
-  // triangles share.
+TEST(TraceTile, NoRaySlipsBetweenExactPrimitives) {
+  // A crumpled sheet, whose one leaf falls back to exact triangles, and rays from afar at points of the edges
+  // that triangles share.
   Scan scan;
   std::mt19937_64 random(property_seed());
   std::uniform_real_distribution<float> at(0, 1);
@@ -282,8 +282,8 @@ TEST(TraceTile, HitsPlatesSquarelyAndUnevenRaysMiss) {
   EXPECT_NEAR(hits[1].t, 0.5625f, 1e-5f);
   EXPECT_EQ(hits[1].flags, RBVH_HIT_BACK_FACE);
   for (const std::size_t miss : {2u, 3u, 4u, 5u, 8u}) EXPECT_FALSE(std::isfinite(hits[miss].t)) << miss;
-  // A corner and two edges: an open rim's texels end up to 0.7 texels (0.0086) before it.
-  for (const std::size_t rim : {7u, 11u, 12u}) EXPECT_NEAR(hits[rim].t, 1.75f, 1e-5f) << rim;
+  // A corner and two boundary edges: texels end up to 0.7 texels (0.0086) before them.
+  for (const std::size_t edge : {7u, 11u, 12u}) EXPECT_NEAR(hits[edge].t, 1.75f, 1e-5f) << edge;
   EXPECT_NEAR(hits[9].t, 1.75e12f, 1e7f);
   EXPECT_NEAR(hits[10].t, 1.75e-12f, 1e-17f);
 }
@@ -360,7 +360,7 @@ TEST(Faults, HolesOfATexelStayOpen) {
   EXPECT_GT(mistaken(Hybrid::kOff), with_boundary);
 }
 
-TEST(Faults, TheLowerOfTwoLayersIsKept) {
+TEST(Faults, TheLowerOfTwoLayersIsNotLost) {
   Scan scan;
   add_plate(scan, 20, 0);
   add_plate(scan, 20, 0.2f);
@@ -376,7 +376,7 @@ TEST(Faults, TheLowerOfTwoLayersIsKept) {
   for (const Hit& hit : trace(level, up)) EXPECT_NEAR(hit.t, 1.0f, 1e-3f);
 }
 
-TEST(Faults, BothSidesOfAThinSheetAreKept) {
+TEST(Faults, NeitherSideOfAThinSheetIsLost) {
   Scan scan;
   add_plate(scan, 20, 0, false);
   add_plate(scan, 20, 0.004f, true);
@@ -388,7 +388,7 @@ TEST(Faults, BothSidesOfAThinSheetAreKept) {
   }
 }
 
-// What a build promises.
+// What a build guarantees.
 
 bool same(const Level& a, const Level& b) {
   const auto bytes = [](const auto& x, const auto& y) {
@@ -404,7 +404,7 @@ bool same(const Level& a, const Level& b) {
 
 TEST(Build, GivesTheSameBytesAgainAndEachLevelAlone) {
   for (const Scan& scan : {bumpy_sphere(90), thicket(300, 1), noisy_discs(30, 1)}) {
-    // Without exact leaves, tiles that are faulty go on splitting longest.
+    // Without exact leaves, faulty tiles are split longest.
     const Hybrid hybrid = scan.is_cloud() ? Hybrid::kOff : Hybrid::kAuto;
     const auto built = [&](std::vector<LevelConfig> levels) {
       return build(scan, std::move(levels), Refinement::kProjectedArea, hybrid);

@@ -54,7 +54,7 @@ TEST(BrokenScans, TheToolSaysOneLineAndLeavesNothing) {
   const fs::path out = folder / "out.ply", said = folder / "said";
   std::size_t bad = 0, good = 0;
   const std::vector<fs::path> files = corpus();
-  // Every third: a start of the tool takes a quarter of a second. Its readers meet them all below.
+  // Every third: starting the tool takes a quarter of a second. The readers get all of them below.
   for (std::size_t i = 0; i < files.size(); i += 3) {
     const fs::path& file = files[i];
     SCOPED_TRACE(file.filename());

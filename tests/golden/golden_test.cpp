@@ -1,6 +1,6 @@
-// Pictures of a small scene against those in this folder: what no figure says (a mirrored image, a light that
-// is gone, a hole) is seen here. README.md says why each is there. After a change that is meant to be seen,
-// look at the new ones and renew them:
+// Pictures of a small scene against those in this folder: they catch what no figure shows (a mirrored image,
+// a missing light, a hole). README.md says what each covers. After a change that is meant to be visible, look
+// at the new ones and renew them:
 //
 //   RBVH_RENEW_GOLDEN=1 build/release/tests/golden_test
 #include <OpenImageIO/imageio.h>
@@ -13,7 +13,7 @@
 namespace rbvh {
 namespace {
 
-// Devices differ in the last bits, and with them a pixel at the rim of the object, a tile's border, a
+// Devices differ in the last bits, and with them a pixel at the silhouette, a tile's border, a
 // quantised height: a few pixels may be anything, all others a few of 255 steps off. Kernels built without
 // contraction to FMA differed in up to 2 pixels and by a mean of 0.016. What has to be beyond the limits:
 // see SeesWhatItIsThereFor.
@@ -40,7 +40,7 @@ Picture read_picture(const std::string& path) {
   return p;
 }
 
-// What differs, in words; empty: nothing that matters.
+// What differs, in words; empty: nothing relevant.
 std::string difference(const Picture& a, const Picture& b) {
   if (a.pixels.empty() || b.pixels.empty()) return "not both can be read";
   if (a.width != b.width || a.height != b.height) return "another size";
@@ -208,7 +208,7 @@ TEST_F(Golden, Discs) {
   expect_golden("discs.png");
 }
 
-// The yardstick itself: each of these changes is to be seen in every picture.
+// The limits themselves: each of these changes must be caught in every picture.
 TEST_F(Golden, SeesWhatItIsThereFor) {
   for (const char* name : kAll) {
     const Picture p = read_picture(std::string(RBVH_SOURCE "/tests/golden/") + name);

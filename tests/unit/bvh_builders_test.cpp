@@ -30,7 +30,7 @@ const Device& device() {
   return device;
 }
 
-/// Runs what is meant for a GPU, on whatever there is.
+/// Runs the code for GPUs, on whatever device there is.
 const Device& as_gpu() {
   static const Device gpu = device().as_gpu();
   return gpu;
@@ -121,7 +121,7 @@ TEST_P(BvhBuilders, CostIsNearTheSweeps) {
   const BvhConfig config{8, 1};
   const double cost = sah_cost(build(boxes, config), config);
   EXPECT_LE(cost, GetParam().most_cost * sah_cost(build_sah_bvh(boxes, config), config));
-  // Leaves are gathered where that pays, and only there.
+  // Leaves are merged where that pays, and only there.
   EXPECT_LE(cost, sah_cost(build(boxes, {1, 1}), config));
 }
 
@@ -129,7 +129,7 @@ TEST_P(BvhBuilders, DuplicatesAndBadBoxes) {
   std::vector<Bounds3f> boxes(20000, random_boxes(1, false, 0.5f)[0]);
   const Bvh same = build(boxes, {1, 1});
   check(same, boxes, 1, boxes.size());
-  EXPECT_LE(depth(same), 17);  // halved, not peeled
+  EXPECT_LE(depth(same), 17);  // split in halves, not one by one
   boxes.assign(1000, Bounds3f{});
   check(build(boxes, {4, 1}), boxes, 4, 0);
   boxes = random_boxes(1000, false, 0.5f);
@@ -139,7 +139,7 @@ TEST_P(BvhBuilders, DuplicatesAndBadBoxes) {
 }
 
 TEST_P(BvhBuilders, DepthStaysBoundedWhereTheHeuristicPeels) {
-  // Each box dwarfs the one before: the heuristic takes off one at a time.
+  // Each box dwarfs the one before: the heuristic splits off one at a time.
   std::vector<Bounds3f> boxes;
   for (int i = -120; i < 120; ++i) {
     const float at = std::ldexp(1.0f, i / 2);

@@ -1,4 +1,4 @@
-// Camera files: what they say, and each way in which they can be wrong.
+// Camera files: what they mean, and each way in which they can be wrong.
 #include "io/cameras_file.h"
 
 #include <gtest/gtest.h>

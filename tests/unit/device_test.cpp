@@ -1,4 +1,4 @@
-// The device behind pipeline/device/device.h: choosing one, kernels, buffers, and every way it can refuse.
+// The device behind pipeline/device/device.h: choosing one, kernels, buffers, and every error.
 #include "pipeline/device/device.h"
 
 #include <gtest/gtest.h>

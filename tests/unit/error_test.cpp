@@ -1,4 +1,4 @@
-// What an Error carries: its one line for people, its parts for programs.
+// What an Error holds: one line for people, its parts for programs.
 #include "pipeline/base/error.h"
 
 #include <gtest/gtest.h>

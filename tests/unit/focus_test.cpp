@@ -1,4 +1,4 @@
-// Quality by distance: what a level asks for, and that builds follow it.
+// Quality by distance: what a level requires, and that builds follow it.
 #include "pipeline/rbvh/focus.h"
 
 #include <gtest/gtest.h>

@@ -61,7 +61,7 @@ TEST(ImageError, OnlyCoveredPixelsCount) {
   EXPECT_EQ(compare_images(empty, empty).ssim, 1);
 }
 
-// A variance is the difference of two means: rounding must not turn it, and with it SSIM, out of range.
+// A variance is the difference of two means: rounding must not take it, and with it SSIM, out of range.
 TEST(ImageError, SsimIsAtMostOne) {
   std::minstd_rand random(7);
   for (const float bright : {0.2f, 0.999f, 40.f, 1000.f}) {

@@ -35,7 +35,7 @@ TEST(LeafPolicy, CurvedNodesAreSplitByProjectedArea) {
 
 TEST(LeafPolicy, CurvedNodesAreSplitByTheirConeOfNormals) {
   NodeFacts node = kNode;
-  node.projected_area = 0.1f * 4;  // is not what this refinement looks at
+  node.projected_area = 0.1f * 4;  // this refinement ignores it
   node.cone_cosine = 0.51f;        // 59 degrees
   EXPECT_FALSE(splits(node, kQuality, Refinement::kConeOfNormals));
   node.cone_cosine = 0.49f;
@@ -85,7 +85,7 @@ TEST(LeafPolicy, TheBestSideOfATileDependsOnTheRays) {
 }
 
 TEST(LeafPolicy, NodesThatSpanTooDifferentDensitiesAreSplit) {
-  // A leaf has one texel size; with a focus its near and its far end want different ones.
+  // A leaf has one texel size; with a focus its near and its far end need different ones.
   LeafQuality quality = kQuality;
   quality.farthest_rho = 1e6f / 4;
   EXPECT_FALSE(splits(kNode, quality));
@@ -111,7 +111,7 @@ TEST(LeafPolicy, BoundaryPrimitivesAreKeptOutOfTiles) {
   EXPECT_FALSE(separates_boundary(Hybrid::kOff, scan));
   EXPECT_FALSE(separates_boundary(Hybrid::kAlways, scan));
   EXPECT_FALSE(separates_boundary(Hybrid::kAuto, {0, 1000, 2000})) << "a closed surface has none";
-  // A soup of pieces is boundary all over: everything would fall back.
+  // In a soup of pieces every edge is a boundary: everything would fall back.
   EXPECT_TRUE(separates_boundary(Hybrid::kAuto, {249, 1000, 2000}));
   EXPECT_FALSE(separates_boundary(Hybrid::kAuto, {250, 1000, 2000}));
   // Levels coarser than the triangles have fewer bytes than these.
@@ -209,7 +209,7 @@ TEST(LeafPolicy, AlwaysSplitsUntilAllFallBack) {
 }
 
 TEST(LeafPolicy, UncoveredTrianglesAreExactWhereTheyAreTogether) {
-  // Strewn over a tile, one leaf of them would have a box as large as the tile's.
+  // Scattered over a tile, one leaf of them would have a box as large as the tile's.
   const auto group = [](std::uint32_t primitives, std::uint32_t texels) {
     return TileFacts{.primitives = primitives, .texels = texels, .is_uncovered_group = true};
   };
@@ -227,7 +227,7 @@ TEST(LeafPolicy, UncoveredTrianglesAreSplitOffTheirTile) {
 }
 
 TEST(LeafPolicy, FaultsChooseTheSplit) {
-  // What faces away goes to a tile of the other side; what is steep to one that it is not steep on.
+  // Primitives that face away go to a tile of the other side; steep ones to a tile on which they are not.
   EXPECT_EQ(choose_fault_split({.has_back = true, .is_steep = true}).by, SplitBy::kFacing);
   EXPECT_EQ(choose_fault_split({.has_back = true, .is_steep = true}).cosine, 0);
   EXPECT_EQ(choose_fault_split({.is_steep = true}).by, SplitBy::kFacing);

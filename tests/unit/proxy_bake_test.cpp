@@ -18,8 +18,8 @@
 namespace rbvh {
 namespace {
 
-// A mushroom with a stem, closed, turned about z: its cap hangs over and curls in again below, so that
-// straight lines cross it up to six times.
+// A mushroom with a stem, closed, a solid of revolution about z: its cap overhangs and curls in again below,
+// so that straight lines cross it up to six times.
 Scan mushroom(int n) {
   static constexpr float kProfile[][2] = {{0.f, 0.f},     {0.35f, 0.f},   {0.3f, 0.1f},  {0.15f, 0.3f},
                                           {0.13f, 0.55f}, {0.3f, 0.62f},  {0.45f, 0.5f}, {0.4f, 0.36f},
@@ -73,7 +73,7 @@ std::map<std::size_t, std::size_t> edge_uses(const Proxy& proxy) {
   return histogram;
 }
 
-// Written apart from find_fault(): patches at one edge agree bit by bit at the coarser one's texels.
+// Independent of find_fault(): patches at one edge agree bit by bit at the coarser one's texels.
 void expect_no_crack(const Proxy& proxy) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<std::vector<Vec3f>>> lines;
   for (std::size_t patch = 0; patch < proxy.quads.size(); ++patch) {
@@ -170,7 +170,7 @@ TEST(ProxyBake, AnErrorBoundInPlaceOfANumber) {
   EXPECT_LT(many.patches, scan.triangles.size() / 4);
 }
 
-TEST(ProxyBake, OpenSheetKeepsItsRim) {
+TEST(ProxyBake, OpenSheetKeepsItsBoundary) {
   Scan scan;
   add_sheet(scan, 50, [](float s, float t) { return Vec3f{s, t, 0.1f * std::sin(9 * s) * std::sin(7 * t)}; });
   BakeReport counts;

@@ -1,4 +1,4 @@
-// scene.json: what it says, and each way in which it can be wrong.
+// scene.json: what it means, and each way in which it can be wrong.
 #include "io/scene_file.h"
 
 #include <gtest/gtest.h>

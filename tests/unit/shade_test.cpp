@@ -23,7 +23,7 @@ CameraRays front_camera() {
   return camera_rays(place_camera(words, {}, {0, 1, 0}, 1), kSize, kSize);
 }
 
-// A ball of radius 2 at the origin, by the textbook; `inside_out` turns its normals.
+// A ball of radius 2 at the origin, by the textbook; `inside_out` flips its normals.
 std::vector<Hit> ball(const CameraRays& rays, bool inside_out = false) {
   std::vector<Hit> hits(kSize * kSize, kMiss);
   for (std::uint32_t y = 0; y < kSize; ++y)
@@ -171,8 +171,8 @@ TEST(SampleSurface, ATileIsBilinearBetweenTexelCentres) {
   EXPECT_NEAR(s.colors[1].z, 0.5f, 1e-6);
 }
 
-TEST(SampleSurface, AKeptPrimitiveThatTexelsDoNotShowHasItsOwnNormal) {
-  // At u = 0 the texels say +z.
+TEST(SampleSurface, AnExactPrimitiveWithoutTexelsHasItsOwnNormal) {
+  // At u = 0 the texels hold +z.
   const Hit seen{1, {0, 0.5f, 0.86603f}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
   const Hit unseen{1, {0, 1, 0}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
   const SurfaceSamples s = sample_surface(small_level(), std::vector<Hit>{seen, unseen});

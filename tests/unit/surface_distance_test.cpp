@@ -50,7 +50,7 @@ TEST(SurfaceDistance, BetweenSquares) {
   const DistanceStatistics d = sampled_distance(square(0), ClosestPoint(square(0.25f)), 1000);
   EXPECT_NEAR(d.rms, 0.25, 1e-6);
   EXPECT_NEAR(d.max, 0.25, 1e-6);
-  // One way the larger square reaches past the smaller one, the other way it does not.
+  // In one direction the larger square extends past the smaller one, in the other it does not.
   const DistanceStatistics past = sampled_distance(square(0, 2), ClosestPoint(square(0)), 20000);
   EXPECT_NEAR(past.max, std::sqrt(2.0), 0.03);
   EXPECT_NEAR(sampled_distance(square(0), ClosestPoint(square(0, 2)), 1000).max, 0, 1e-6);
