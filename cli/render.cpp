@@ -14,7 +14,7 @@
 #include "io/image.h"
 #include "io/output_file.h"
 #include "pipeline/rbvh/layer_sampling.h"
-#include "pipeline/render/difference.h"
+#include "pipeline/measure/difference.h"
 #include "pipeline/render/shade.h"
 #include "rbvh/render.h"
 

@@ -17,7 +17,7 @@
 #include "io/scan_io.h"
 #include "io/scene_file.h"
 #include "pipeline/measure/measure_json.h"
-#include "pipeline/render/difference.h"
+#include "pipeline/measure/difference.h"
 
 namespace rbvh {
 namespace {

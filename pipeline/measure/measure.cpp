@@ -8,6 +8,7 @@
 #include "pipeline/measure/fidelity.h"
 #include "pipeline/measure/image_error.h"
 #include "pipeline/measure/surface_distance.h"
+#include "pipeline/rbvh/level_surface.h"
 #include "pipeline/render/shade.h"
 #include "pipeline/trace/make_tracer.h"
 

@@ -1,8 +1,8 @@
 // A proxy's displaced surface as triangles, to measure it.
 #pragma once
 
-#include "pipeline/measure/surface_distance.h"
 #include "pipeline/proxy/proxy.h"
+#include "pipeline/scan/closest_point.h"
 
 namespace rbvh {
 

@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "pipeline/base/error.h"
-#include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/level_surface.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {

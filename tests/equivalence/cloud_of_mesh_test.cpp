@@ -8,6 +8,7 @@
 #include "pipeline/measure/fidelity.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/level_surface.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/trace/trace_exact.h"

@@ -8,6 +8,7 @@
 #include "pipeline/device/device.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/level_surface.h"
 #include "pipeline/rbvh/rasterize.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/trace/trace_tile.h"

@@ -2,6 +2,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/proxy/bake.h"
 #include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/proxy_surface.h"

@@ -5,6 +5,7 @@
 
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/check_rbvh.h"
+#include "pipeline/rbvh/level_surface.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "tests/shapes.h"
 

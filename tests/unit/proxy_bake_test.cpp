@@ -1,4 +1,5 @@
 // Proxies baked from meshes: whole, without cracks, the same every time, whatever the mesh is like.
+#include "pipeline/measure/surface_distance.h"
 #include "pipeline/proxy/bake.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 #include "pipeline/measure/surface_distance.h"
+#include "pipeline/rbvh/level_surface.h"
 
 #include <gtest/gtest.h>
 

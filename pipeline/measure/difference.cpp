@@ -1,4 +1,4 @@
-#include "pipeline/render/difference.h"
+#include "pipeline/measure/difference.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,59 @@
+#include "pipeline/rbvh/level_surface.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/rbvh/texel.h"
+#include "pipeline/rbvh/tile.h"
+
+namespace rbvh {
+void for_each_quad(const Level& level, const std::function<void(std::uint32_t leaf, std::uint32_t x,
+                                                                std::uint32_t y, std::size_t texel)>& quad) {
+  const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
+  std::vector<bool> is_exact(level.leaves.size());
+  for (const RbvhExactLeaf& exact : level.exact_leaves) is_exact[exact.leaf] = true;
+  for (const RbvhNode& node : level.nodes) {
+    if (node.count == 0 || is_exact[node.first]) continue;
+    const RbvhLeaf& leaf = level.leaves[node.first];
+    const TileFrame frame(leaf);
+    const Bounds3f box{{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
+    const double limit = static_cast<double>(kStepLimitTexels) * length(frame.u) / length(frame.w);
+    for (std::uint32_t y = 0; y + 1 < leaf.height; ++y)
+      for (std::uint32_t x = 0; x + 1 < leaf.width; ++x) {
+        const std::size_t at = (std::size_t{leaf.y} + y) * level.atlas_width + leaf.x + x;
+        const int h[4] = {heights[at], heights[at + 1], heights[at + level.atlas_width],
+                          heights[at + level.atlas_width + 1]};
+        if (std::find(h, h + 4, 0) != h + 4) continue;
+        const auto step = [&](int i, int j) { return std::abs(h[i] - h[j]); };
+        if (std::max({step(0, 1), step(2, 3), step(0, 2), step(1, 3)}) > limit) continue;
+        const Vec3f a = frame.at(x, y, h[0]), d = frame.at(x + 1, y + 1, h[3]);
+        if (squared_distance(box, (a + d) * 0.5f) > 0) continue;
+        quad(node.first, x, y, at);
+      }
+  }
+}
+
+TriangleSoup surface_of(const Level& level) {
+  TriangleSoup soup;
+  for (const RbvhExactLeaf& exact : level.exact_leaves)
+    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
+      const float* s = level.exact_primitives[exact.first + i].shape;
+      if (level.exact_discs)
+        add_disc(soup, {s[0], s[1], s[2]}, {s[4], s[5], s[6]}, s[3]);
+      else
+        add_triangle(soup, {s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]});
+    }
+  const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
+  for_each_quad(level, [&](std::uint32_t leaf, std::uint32_t x, std::uint32_t y, std::size_t at) {
+    const TileFrame frame(level.leaves[leaf]);
+    const auto corner = [&](std::uint32_t i, std::uint32_t j) {
+      return frame.at(x + i, y + j, heights[at + j * level.atlas_width + i]);
+    };
+    add_triangle(soup, corner(0, 0), corner(1, 0), corner(1, 1));
+    add_triangle(soup, corner(0, 0), corner(1, 1), corner(0, 1));
+  });
+  return soup;
+}
+
+// Median splits along the longest axis of the centres.
+}  // namespace rbvh
