@@ -13,8 +13,8 @@
 #include "io/cameras_file.h"
 #include "io/image.h"
 #include "io/output_file.h"
-#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/measure/difference.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/render/shade.h"
 #include "rbvh/render.h"
 
