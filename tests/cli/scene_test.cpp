@@ -1,5 +1,5 @@
-// Proxies and scenes through the command line: pictures of every kind, tessellated twins, rays for scripts,
-// and what is refused.
+// Proxies and scenes through the command line: pictures of every kind, tessellated references, rays for
+// scripts, and what is refused.
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -60,17 +60,18 @@ TEST_F(SceneCommand, PicturesOfAllKinds) {
   EXPECT_GT(count_hits(read_picture(path("z.exr"))), 300u);
 }
 
-TEST_F(SceneCommand, TheTessellatedTwinIsWhereTheProxyIs) {
+TEST_F(SceneCommand, TheTessellatedReferenceIsWhereTheProxyIs) {
   const std::string words = " -q --resolution 96,96 --aov depth";
   ASSERT_EQ(tool("render rock.obj -o direct.exr --detail 0.01" + words).code, 0);
-  ASSERT_EQ(tool("render rock.obj -o twin.exr --tessellate 12" + words).code, 0);
+  ASSERT_EQ(tool("render rock.obj -o tessellated.exr --tessellate 12" + words).code, 0);
   ASSERT_EQ(tool("render rock.obj -o coarse.exr --tessellate 1" + words).code, 0);
-  const Picture direct = read_picture(path("direct.exr")), twin = read_picture(path("twin.exr")),
+  const Picture direct = read_picture(path("direct.exr")),
+                tessellated = read_picture(path("tessellated.exr")),
                 coarse = read_picture(path("coarse.exr"));
   EXPECT_GT(count_hits(direct), 2000u);
   std::size_t differing = 0, coarser = 0;
   for (std::size_t i = 0; i < direct.pixels.size(); ++i) {
-    differing += direct.pixels[i] != twin.pixels[i];
+    differing += direct.pixels[i] != tessellated.pixels[i];
     coarser += direct.pixels[i] != coarse.pixels[i];
   }
   EXPECT_EQ(differing, 0u);
