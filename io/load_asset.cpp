@@ -134,13 +134,8 @@ Scan load_scan(const std::string& path, const MemoryBudget& memory, const Progre
 
 Asset load_asset(const std::string& path, const LoadConfig& config, const Progress& progress) {
   Asset asset;
-  asset.path = path;
-  asset.name = path == "-" ? "stdin" : fs::path(path).stem().string();
   if (is_rbvh(path)) {
-    Rbvh rbvh = load_pair(path, config.memory);
-    asset.bounds = rbvh.source.bounds;
-    asset.is_cloud = rbvh.source.triangles == 0;
-    asset.content = std::move(rbvh);
+    asset = make_asset(load_pair(path, config.memory), path);
   } else if (is_scene(path)) {
     Scene scene = load_scene(path, config, progress);
     asset.bounds = bounds(scene);
@@ -157,11 +152,10 @@ Asset load_asset(const std::string& path, const LoadConfig& config, const Progre
       asset.content = std::move(scene);
     }
   } else {
-    Scan scan = load_scan(path, config.memory, progress);
-    asset.bounds = bounds(scan);
-    asset.is_cloud = scan.is_cloud();
-    asset.content = std::move(scan);
+    asset = make_asset(load_scan(path, config.memory, progress), path);
   }
+  asset.path = path;
+  asset.name = path == "-" ? "stdin" : fs::path(path).stem().string();
   return asset;
 }
 
@@ -169,12 +163,7 @@ Asset load_reference(const std::string& path, const Rbvh& pair, const MemoryBudg
                      const Progress& progress) {
   Scan scan = load_scan(path, memory, progress);
   move_to_shift(scan, pair.source.shift);
-  Asset reference;
-  reference.path = path;
-  reference.bounds = bounds(scan);
-  reference.is_cloud = scan.is_cloud();
-  reference.content = std::move(scan);
-  return reference;
+  return make_asset(std::move(scan), path);
 }
 
 }  // namespace rbvh

@@ -164,6 +164,15 @@ LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& co
   return f;
 }
 
+void measure_and_store(const Device& device, Asset& pair, const Asset& exact,
+                       const std::vector<std::string>& levels, const ViewsConfig& views,
+                       const MemoryBudget& memory, const Progress& progress) {
+  const MeasureConfig config{.views = views, .images = true, .distances = true, .memory = memory};
+  for (const LevelMeasure& measure : measure_levels(device, pair, exact, levels, config, progress))
+    for (Level& level : std::get<Rbvh>(pair.content).levels)
+      if (level.name == measure.level) level.fidelity = stored_fidelity(measure, views);
+}
+
 double error_percent(const LevelFidelity& f) {
   if (!f.measured || f.more.views == 0) return std::numeric_limits<double>::quiet_NaN();
   return 100 * static_cast<double>(std::max(f.more.to_scan_rms, f.more.to_level_rms));

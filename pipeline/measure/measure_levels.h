@@ -47,7 +47,13 @@ std::vector<LevelMeasure> measure_levels(const Device& device, const Asset& pair
 /// What a pair's file keeps of it. Wants images and distances to have been measured.
 LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& views);
 
-/// The larger of the two surface distances' RMS, in % of the diagonal: what `lod --max-error` means. NaN
+/// Measures these levels with pictures and distances, and stores what is found in the pair. Throws as
+/// measure_levels().
+void measure_and_store(const Device& device, Asset& pair, const Asset& exact,
+                       const std::vector<std::string>& levels, const ViewsConfig& views,
+                       const MemoryBudget& memory = {}, const Progress& progress = {});
+
+/// The larger of the two surface distances' RMS, in % of the diagonal: what a level is chosen by. NaN
 /// where it was not measured.
 double error_percent(const LevelFidelity& fidelity);
 

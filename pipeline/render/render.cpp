@@ -3,6 +3,8 @@
 #include <utility>
 
 #include "pipeline/base/stopwatch.h"
+#include "pipeline/rbvh/layer_sampling.h"
+#include "pipeline/render/difference.h"
 
 namespace rbvh {
 namespace {
@@ -49,6 +51,26 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
     times.shade += watch.lap();
   }
   return picture;
+}
+
+Image render_difference(const Tracer& first, const Tracer& second, const Camera& camera, std::uint32_t width,
+                        std::uint32_t height, float diagonal, std::uint64_t& differing,
+                        RenderTimings* timings) {
+  RenderTimings unasked;
+  RenderTimings& times = timings != nullptr ? *timings : unasked;
+  Stopwatch watch;
+  const CameraRays rays = camera_rays(camera, width, height);
+  const std::vector<Hit> a = intersect(first, rays), b = intersect(second, rays);
+  times.trace += watch.lap();
+  times.rays += a.size() + b.size();
+  for (std::size_t i = 0; i < a.size(); ++i) differing += a[i].t != b[i].t || a[i].leaf != b[i].leaf;
+  Image image = difference_image(a, b, rays, diagonal);
+  times.shade += watch.lap();
+  return image;
+}
+
+std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::span<const Hit> hits) {
+  return value_colors(sample_layer_at_hits(level, layer, hits), sample_width(layer), layer.lo, layer.hi);
 }
 
 }  // namespace rbvh

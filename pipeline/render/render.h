@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "pipeline/rbvh/rbvh.h"
 #include "pipeline/render/camera.h"
 #include "pipeline/render/image.h"
 #include "pipeline/render/shade.h"
@@ -34,5 +35,14 @@ struct RenderTimings {
 /// Deterministic: samples lie on Hammersley's points. Throws Error(kUsage) as shown_image() does.
 Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& config,
              RenderTimings* timings = nullptr);
+
+/// Where two tracers' hits of a camera's rays differ (difference_image()). `diagonal` is of what is cast at,
+/// scan units; the number of pixels with another hit is added to `differing`.
+Image render_difference(const Tracer& first, const Tracer& second, const Camera& camera, std::uint32_t width,
+                        std::uint32_t height, float diagonal, std::uint64_t& differing,
+                        RenderTimings* timings = nullptr);
+
+/// The values of a user's layer as colours, for RenderConfig.colors: from the layer's lo to its hi.
+std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::span<const Hit> hits);
 
 }  // namespace rbvh

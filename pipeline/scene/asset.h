@@ -25,4 +25,21 @@ struct Asset {
   }
 };
 
+/// Of contents in memory. `path` is for messages.
+inline Asset make_asset(Scan&& scan, const std::string& path) {
+  Asset asset{.path = path, .name = {}, .content = {}, .bounds = bounds(scan), .is_cloud = scan.is_cloud()};
+  asset.content = std::move(scan);
+  return asset;
+}
+
+inline Asset make_asset(Rbvh&& rbvh, const std::string& path) {
+  Asset asset{.path = path,
+              .name = {},
+              .content = {},
+              .bounds = rbvh.source.bounds,
+              .is_cloud = rbvh.source.triangles == 0};
+  asset.content = std::move(rbvh);
+  return asset;
+}
+
 }  // namespace rbvh
