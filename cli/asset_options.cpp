@@ -5,6 +5,7 @@
 #include "cli/exit_code.h"
 #include "cli/remedies.h"
 #include "io/proxy_file.h"
+#include "io/report_json.h"
 #include "io/scene_file.h"
 
 namespace rbvh {
@@ -16,12 +17,6 @@ std::vector<std::string> parse_level_list(std::string_view text) {
   } catch (const Error& error) {
     throw Error(ErrorKind::kUsage, "", std::string("--level: ") + error.what());
   }
-}
-
-double parse_pixels(std::string_view text) {
-  const double pixels = parse_number(text);
-  if (!(pixels > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
-  return pixels;
 }
 
 std::uint32_t parse_tessellate(std::string_view text) {
@@ -36,6 +31,10 @@ std::uint32_t parse_tessellate(std::string_view text) {
 
 Asset load(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate) {
   return load_asset(path, {.memory = context.memory, .tessellate = tessellate}, context.progress.callback());
+}
+
+void check_is_pair(const std::string& path) {
+  if (!is_rbvh(path)) throw Error(ErrorKind::kInput, path, "is no .rbvh pair");
 }
 
 std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
@@ -70,7 +69,7 @@ void add_proxy_options(CLI::App& stage, ProxyCastOptions& options, bool pictures
       add_parsed(stage, "--patch-cache", options.scene.proxy.cache_bytes, parse_bytes, "SIZE",
                  "most that proxies' patch hierarchies may take on the device at once (default: 256M)"));
   if (!pictures) return;
-  options.declared.push_back(add_parsed(stage, "--detail", options.scene.pixels, parse_pixels, "PIXELS",
+  options.declared.push_back(add_parsed(stage, "--detail", options.scene.pixels, parse_above_zero, "PIXELS",
                                         "pixels that a proxy's micro-quads may measure (default: 1)"));
   options.declared.push_back(
       add_parsed(stage, "--tessellate", options.tessellate, parse_tessellate, "N",
@@ -87,17 +86,7 @@ void check_proxy_options(const ProxyCastOptions& options, const std::vector<std:
 void report_proxies(Context& context, const Tracer& of) {
   const auto* scene = dynamic_cast<const SceneTracer*>(&of);
   const PatchTracer* tracer = scene != nullptr ? patch_tracer(*scene) : nullptr;
-  if (tracer == nullptr) return;
-  const ProxyStats& s = stats(*tracer);
-  const ProxyBytes b = bytes(*tracer);
-  context.report["proxies"] = {{"pairs", s.items},
-                               {"patches_built", s.built},
-                               {"micro_quads_built", s.built_leaves},
-                               {"patches_evicted", s.evicted},
-                               {"base_bytes", b.base},
-                               {"map_bytes", b.maps},
-                               {"cache_bytes", b.cache},
-                               {"cached_bytes", b.cached}};
+  if (tracer != nullptr) context.report["proxies"] = patch_tracing_json(*tracer);
 }
 
 CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {

@@ -15,6 +15,9 @@ namespace rbvh {
 /// load_asset() under the stage's --memory.
 Asset load(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate = {});
 
+/// Throws Error(kInput) for any other file.
+void check_is_pair(const std::string& path);
+
 /// choose_levels(), with a note where there are none to choose from.
 std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
                                         const std::vector<std::string>& wanted, bool has_auto = false);

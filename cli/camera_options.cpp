@@ -35,22 +35,4 @@ void add_camera_options(CLI::App& stage, CameraOptions& options) {
       ->group(kGroup);
 }
 
-std::vector<Camera> place_cameras(const CameraOptions& options, const std::vector<CameraWords>& words,
-                                  const Bounds3f& bounds, Vec3d default_up) {
-  const Bounds3d box{static_cast<Vec3d>(bounds.lo), static_cast<Vec3d>(bounds.hi)};
-  const Vec3d up = options.up.value_or(default_up);
-  const double aspect = static_cast<double>(options.resolution.width) / options.resolution.height;
-  std::vector<Camera> cameras;
-  for (const CameraWords& w : words) {
-    const Camera camera = place_camera(w, box, up, aspect);
-    if (options.turntable == 0) {
-      cameras.push_back(camera);
-      continue;
-    }
-    for (const Camera& turned : turntable(camera, w.view_up.value_or(up), options.turntable))
-      cameras.push_back(turned);
-  }
-  return cameras;
-}
-
 }  // namespace rbvh

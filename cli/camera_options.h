@@ -21,9 +21,4 @@ struct CameraOptions {
 
 void add_camera_options(CLI::App& stage, CameraOptions& options);
 
-/// What the options ask for, in frame order: one camera, those of the file, or a turntable (of each of
-/// these).
-std::vector<Camera> place_cameras(const CameraOptions& options, const std::vector<CameraWords>& words,
-                                  const Bounds3f& bounds, Vec3d default_up);
-
 }  // namespace rbvh

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <set>
 
 #include "io/output_file.h"
 #include "pipeline/base/parallel_for.h"
@@ -19,18 +18,20 @@ namespace {
 
 bool g_log_failed = false;
 
-ProgressMode parse_progress_mode(std::string_view text) {
-  if (text == "auto") return ProgressMode::kAuto;
-  if (text == "bar") return ProgressMode::kBar;
-  if (text == "plain") return ProgressMode::kPlain;
-  if (text == "json") return ProgressMode::kJson;
-  if (text == "none") return ProgressMode::kNone;
-  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of auto, bar, plain, json, none");
-}
+constexpr std::pair<std::string_view, ProgressMode> kProgressModes[] = {{"auto", ProgressMode::kAuto},
+                                                                        {"bar", ProgressMode::kBar},
+                                                                        {"plain", ProgressMode::kPlain},
+                                                                        {"json", ProgressMode::kJson},
+                                                                        {"none", ProgressMode::kNone}};
 
 std::string parse_output(std::string_view text) {
   if (text.empty()) throw Error(ErrorKind::kUsage, "", "the name is empty");
   return std::string(text);
+}
+
+/// Names out of a file may be no UTF-8.
+std::string json_text(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 void open_log(const Context& context) {
@@ -83,7 +84,7 @@ void end_stage(Context& context) {
   if (context.report_path.empty()) return;
   context.report["timings"]["total"] = context.watch.lap();
   OutputFile file(context.report_path, context.force);
-  file.write(context.report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  file.write(json_text(context.report));
   file.commit();
 }
 
@@ -93,24 +94,7 @@ void check_paths_differ(const Context& context, const std::vector<std::string>& 
                         std::vector<std::string> outputs) {
   outputs.push_back(context.report_path);
   outputs.push_back(context.log_path);
-  std::set<std::filesystem::path> taken;
-  const auto resolve = [](const std::string& path) {
-    std::error_code error;
-    const auto whole = std::filesystem::weakly_canonical(path, error);
-    return error ? std::filesystem::path(path) : whole;
-  };
-  if (std::count(inputs.begin(), inputs.end(), "-") > 1)
-    throw Error(ErrorKind::kUsage, "", "standard input can be one input only; name files");
-  for (const std::string& input : inputs)
-    if (input != "-") taken.insert(resolve(input));
-  for (const std::string& output : outputs) {
-    // Devices (/dev/null) can be named twice.
-    std::error_code error;
-    if (output.empty() || output == "-" || std::filesystem::is_character_file(output, error)) continue;
-    if (!taken.insert(resolve(output)).second)
-      throw Error(ErrorKind::kUsage, output,
-                  "is named twice, to be written and read or written; choose another name");
-  }
+  check_paths_differ(inputs, outputs);
 }
 
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
@@ -141,7 +125,7 @@ CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsi
   group(add_parsed(*stage, "--memory", context.memory.bytes, parse_bytes, "SIZE",
                    "give up (exit 5) rather than need more, e.g. 2G (default: what the machine has)"));
   group(stage->add_flag("--no-color", context.no_color, "no colours on a terminal (as NO_COLOR)"));
-  group(add_parsed(*stage, "--progress", context.progress_mode, parse_progress_mode, "HOW",
+  group(add_parsed(*stage, "--progress", context.progress_mode, parse_choice<kProgressModes>, "HOW",
                    "auto, bar, plain, json or none"));
   stage->callback([&context, work = std::move(work), name = text.name] {
     context.stage = name;
@@ -159,6 +143,8 @@ void refuse_options(const std::vector<const CLI::Option*>& options, const std::s
 }
 
 void print_data(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
+
+void print_json(const nlohmann::ordered_json& json) { print_data(json_text(json)); }
 
 void note(Context& context, const std::string& line) {
   if (!context.quiet) context.progress.print_line(line);
@@ -184,21 +170,6 @@ void print_error(Context& context, const std::string& line) {
   const std::string who = context.stage.empty() ? "rbvh:" : "rbvh " + context.stage + ":";
   context.progress.print_line((use_color(context) ? "\033[31m" + who + "\033[0m " : who + " ") + line);
   to_log(spdlog::level::err, line);
-}
-
-nlohmann::ordered_json device_json(const DeviceInfo& info) {
-  return {{"index", info.index},
-          {"name", info.name},
-          {"platform", info.platform},
-          {"version", info.version},
-          {"driver", info.driver},
-          {"type", info.is_gpu   ? "gpu"
-                   : info.is_cpu ? "cpu"
-                                 : "other"},
-          {"memory_bytes", info.memory_bytes},
-          {"max_buffer_bytes", info.max_buffer_bytes},
-          {"compute_units", info.compute_units},
-          {"int64_atomics", info.has_int64_atomics}};
 }
 
 double mrays_per_second(std::uint64_t rays, double seconds) {

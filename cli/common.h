@@ -3,15 +3,8 @@
 // A stage is a file cli/<stage>.cpp with one function add_<stage>, which declares the stage's own options and
 // hands add_stage() the work:
 //
-//   void add_info(CLI::App& app, Context& context) {
-//     auto options = std::make_shared<InfoOptions>();
-//     CLI::App* stage = add_stage(app, context, {"info", "Say what a file holds", "rbvh info dragon.rbvh"},
-//     0,
-//                                 [&context, options] { run_info(context, *options); });
-//     stage->add_option("FILE", options->file, "an .rbvh or a scan")->required();
-//     add_parsed(*stage, "--ratio", options->ratio, parse_number, "R", "what it does, its unit and its
-//     default");
-//   }
+//   add_stage(app, context, {"info", "Say what a file holds", "rbvh info dragon.rbvh"}, 0,
+//             [&context, options] { run_info(context, *options); });
 //
 // The work throws rbvh::Error; main prints it as the one line "rbvh <stage>: ...". Data goes to stdout by
 // print_data(), everything else to stderr by note(), detail() and warn().
@@ -33,8 +26,6 @@
 #include "pipeline/base/text.h"
 
 namespace rbvh {
-
-struct DeviceInfo;
 
 /// The common options' values, and what the running stage writes to.
 struct Context {
@@ -69,7 +60,7 @@ enum CommonOption : unsigned {
   kWithReport = 4,  ///< --report
 };
 
-/// Throws Error(kUsage) for an output, report or log that is an input or named twice, and for two inputs "-".
+/// The same of outputs, report and log.
 void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
                         std::vector<std::string> outputs);
 
@@ -103,6 +94,7 @@ void refuse_options(const std::vector<const CLI::Option*>& options, const std::s
 
 /// To stdout.
 void print_data(std::string_view text);
+void print_json(const nlohmann::ordered_json& json);
 /// One line to stderr (and the log), unless --quiet.
 void note(Context& context, const std::string& line);
 /// One line to stderr with --verbose; always to the log.
@@ -111,9 +103,6 @@ void detail(Context& context, const std::string& line);
 void warn(Context& context, const std::string& line);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
-
-/// A device as reports and `devices --json` have it.
-nlohmann::ordered_json device_json(const DeviceInfo& info);
 
 /// Million rays per second, for reports; 0 where no time passed.
 double mrays_per_second(std::uint64_t rays, double seconds);

@@ -5,6 +5,7 @@
 
 #include "cli/common.h"
 #include "cli/stages.h"
+#include "io/report_json.h"
 
 namespace rbvh {
 namespace {
@@ -14,15 +15,12 @@ void run_devices(bool as_json) {
   if (as_json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     for (const DeviceInfo& info : devices) list.push_back(device_json(info));
-    print_data(list.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    print_json(list);
   } else {
     for (const DeviceInfo& info : devices)
-      print_data(std::to_string(info.index) + "  " +
-                 (info.is_gpu   ? "gpu"
-                  : info.is_cpu ? "cpu"
-                                : "other") +
-                 "  " + info.name + "  (" + info.platform + ", " + std::to_string(info.compute_units) +
-                 " units, " + format_bytes(info.memory_bytes) + ")\n");
+      print_data(std::to_string(info.index) + "  " + device_type(info) + "  " + info.name + "  (" +
+                 info.platform + ", " + std::to_string(info.compute_units) + " units, " +
+                 format_bytes(info.memory_bytes) + ")\n");
   }
   if (devices.empty())
     throw Error(ErrorKind::kDevice, "",

@@ -147,8 +147,8 @@ std::string scan_text(const Json& json) {
 void run_info(Context& context, const std::string& path, bool as_json) {
   const Json json = describe(path, {.memory = context.memory, .tessellate = {}});
   const std::string kind = json["kind"].get<std::string>();
-  print_data(as_json           ? json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
-             : kind == "rbvh"  ? pair_text(json)
+  if (as_json) return print_json(json);
+  print_data(kind == "rbvh"    ? pair_text(json)
              : kind == "proxy" ? proxy_text(json)
              : kind == "scene" ? scene_text(json)
                                : scan_text(json));

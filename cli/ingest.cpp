@@ -7,7 +7,8 @@
 #include "cli/common.h"
 #include "cli/stages.h"
 #include "io/output_file.h"
-#include "io/proxy_file.h"
+#include "io/report_json.h"
+#include "io/report_text.h"
 #include "io/scan_io.h"
 
 namespace rbvh {
@@ -28,124 +29,13 @@ Outliers parse_outliers(std::string_view text) {
   return outliers;
 }
 
-double parse_size(std::string_view text) {
-  const double size = parse_number(text);
-  if (size <= 0) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
-  return size;
-}
-
-double parse_fraction(std::string_view text) {
-  const double fraction = parse_number(text);
-  if (fraction < 0 || fraction > 1)
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 0 and 1");
-  return fraction;
-}
+double parse_fraction(std::string_view text) { return parse_between(text, 0, 1); }
 
 std::size_t parse_neighbors(std::string_view text) {
   const int count = parse_positive(text);
   if (count < 3 || count > 1000)
     throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not 3 to 1000");
   return static_cast<std::size_t>(count);
-}
-
-// Most bytes held at once, as measured: while a mesh is cleaned, while a cloud has all its neighbours.
-constexpr std::uint64_t kBytesPerVertex = 64, kBytesPerFace = 32, kBytesPerPoint = 600;
-
-void check_memory(const Context& context, const RawScan& scan, const std::string& input) {
-  const std::uint64_t vertices = scan.positions.size();
-  check_budget(context.memory,
-               scan.triangles.empty() ? vertices * kBytesPerPoint
-                                      : vertices * kBytesPerVertex + scan.triangles.size() * kBytesPerFace,
-               input, "cleaning it");
-}
-
-RawScan read_all(Context& context, const std::vector<std::string>& inputs) {
-  RawScan all;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    context.progress.update("read", static_cast<double>(i) / static_cast<double>(inputs.size()));
-    check_read_budget(context.memory, inputs[i], 1);
-    refuse_proxy(inputs[i]);
-    RawScan scan = read_scan(inputs[i]);
-    for (const std::string& text : scan.notes) warn(context, inputs[i] + ": " + text);
-    try {
-      merge_scan(all, std::move(scan));
-    } catch (const Error& error) {
-      throw Error(error.kind(), inputs[i], error.what(), error.remedy());
-    }
-    check_memory(context, all, inputs[i]);
-  }
-  return all;
-}
-
-nlohmann::ordered_json report_json(const IngestReport& counts, const Scan& scan,
-                                   const std::vector<std::string>& inputs) {
-  const CleanCounts& gone = counts.cleaned;
-  const Bounds3f box = bounds(scan);
-  return {
-      {"inputs", inputs},
-      {"kind", scan.is_cloud() ? "cloud" : "mesh"},
-      {"vertices_in", counts.vertices_in},
-      {"faces_in", counts.faces_in},
-      {"vertices_out", counts.vertices_out},
-      {"faces_out", counts.faces_out},
-      {"objects", counts.objects},
-      {"removed",
-       {{"non_finite_vertices", gone.non_finite_vertices},
-        {"non_finite_faces", gone.non_finite_faces},
-        {"duplicate_vertices", gone.duplicate_vertices},
-        {"duplicate_faces", gone.duplicate_faces},
-        {"zero_area_faces", gone.zero_area_faces},
-        {"unreferenced_vertices", gone.unreferenced_vertices},
-        {"outliers", counts.outliers},
-        {"thinned", counts.thinned},
-        {"small_components", counts.small_components.components},
-        {"small_component_vertices", counts.small_components.vertices},
-        {"small_component_faces", counts.small_components.faces}}},
-      {"added",
-       {{"normals_estimated", counts.cloud.normals_estimated},
-        {"normals_by_viewpoint", counts.cloud.normals_by_viewpoint},
-        {"mesh_normals_completed", counts.mesh_normals_completed},
-        {"radii_estimated", counts.cloud.radii_estimated}}},
-      {"shift", {scan.shift.x, scan.shift.y, scan.shift.z}},
-      {"bounds", {{"low", {box.lo.x, box.lo.y, box.lo.z}}, {"high", {box.hi.x, box.hi.y, box.hi.z}}}},
-      {"area", counts.area},
-  };
-}
-
-/// "3 duplicate faces, 1 ..."; the ones that are not zero.
-std::string list_counts(const std::vector<std::pair<std::size_t, const char*>>& counts) {
-  std::string text;
-  for (const auto& [count, noun] : counts)
-    if (count > 0) text += (text.empty() ? "" : ", ") + counted(count, noun);
-  return text;
-}
-
-void note_figures(Context& context, const IngestReport& counts, const Scan& scan) {
-  const CleanCounts& gone = counts.cleaned;
-  std::string made =
-      scan.is_cloud() ? counted(counts.vertices_out, "point")
-                      : counted(counts.faces_out, "triangle") + ", " + counted(counts.vertices_out, "vertex");
-  if (counts.objects > 1) made += ", " + counted(counts.objects, "object");
-  note(context, context.output + ": " + made);
-  const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertex"},
-                                           {gone.non_finite_faces, "non-finite face"},
-                                           {gone.duplicate_vertices, "duplicate vertex"},
-                                           {gone.duplicate_faces, "duplicate face"},
-                                           {gone.zero_area_faces, "zero-area face"},
-                                           {gone.unreferenced_vertices, "unreferenced vertex"},
-                                           {counts.outliers, "outlier"},
-                                           {counts.thinned, "thinned point"},
-                                           {counts.small_components.components, "small component"}});
-  if (!removed.empty()) note(context, "removed: " + removed);
-  const std::string added = list_counts({{counts.cloud.normals_estimated, "normal"},
-                                         {counts.cloud.normals_by_viewpoint, "viewpoint-facing normal"},
-                                         {counts.mesh_normals_completed, "vertex normal"},
-                                         {counts.cloud.radii_estimated, "radius"}});
-  if (!added.empty()) note(context, "estimated: " + added);
-  if (scan.shift != Vec3d{}) {
-    const nlohmann::json shift = {scan.shift.x, scan.shift.y, scan.shift.z};
-    note(context, "shifted: original coordinates are these plus " + shift.dump());
-  }
 }
 
 void check_extension(const std::string& output) {
@@ -158,7 +48,10 @@ void run_ingest(Context& context, const IngestOptions& options) {
   check_extension(context.output);
   check_output(context.output, context.force);
   Stopwatch watch;
-  RawScan all = read_all(context, options.inputs);
+  RawScan all = read_scans(
+      options.inputs, context.memory,
+      [&](const std::string& path, const std::string& text) { warn(context, path + ": " + text); },
+      context.progress.callback());
   if (!all.triangles.empty())
     refuse_options(options.of_clouds, options.inputs[0], "is for clouds, and this is a mesh");
   const double read_seconds = watch.lap();
@@ -169,9 +62,9 @@ void run_ingest(Context& context, const IngestOptions& options) {
   context.progress.update("write", 0);
   write_ply(context.output, scan, context.force);
   context.progress.finish();
-  context.report.update(report_json(counts, scan, options.inputs));
+  context.report.update(ingest_json(counts, scan, options.inputs));
   context.report["timings"] = {{"read", read_seconds}, {"clean", clean_seconds}, {"write", watch.lap()}};
-  note_figures(context, counts, scan);
+  for (const std::string& line : ingest_lines(context.output, counts, scan)) note(context, line);
 }
 
 }  // namespace
@@ -189,7 +82,7 @@ void add_ingest(CLI::App& app, Context& context) {
   add_parsed(*stage, "--outliers", config.outliers, parse_outliers, "K,SIGMA",
              "remove points whose mean distance to their K nearest is over SIGMA deviations above the mean "
              "(default: none)");
-  add_parsed(*stage, "--voxel", config.voxel, parse_size, "SIZE",
+  add_parsed(*stage, "--voxel", config.voxel, parse_above_zero, "SIZE",
              "thin a cloud to one point a cube of this side, in scan units (default: off)");
   add_parsed(*stage, "--min-component", config.min_component, parse_fraction, "FRACTION",
              "remove connected parts with less than this fraction of all faces or points (default: 0)");

@@ -4,18 +4,8 @@
 #include <cmath>
 
 namespace rbvh {
-namespace {
 
-constexpr std::size_t kPointColumns[] = {3};
-
-}  // namespace
-
-double parse_layer_scale(std::string_view text) {
-  const double scale = parse_number(text);
-  if (!(scale >= 1.0 / 16 && scale <= 16))
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 0.0625 and 16");
-  return scale;
-}
+double parse_layer_scale(std::string_view text) { return parse_between(text, 1.0 / 16, 16); }
 
 std::string parse_layer_name(std::string_view text) {
   const auto is_part = [](char c) {
@@ -31,15 +21,6 @@ std::vector<std::string> parse_layer_names(std::string_view text) {
   std::vector<std::string> names = parse_list(text);
   for (const std::string& name : names) parse_layer_name(name);
   return names;
-}
-
-std::vector<Vec3f> read_points(const Context& context, const std::string& path) {
-  check_read_budget(context.memory, path);
-  const FloatTable table = read_npy(path, kPointColumns);
-  std::vector<Vec3f> points(table.rows);
-  for (std::size_t i = 0; i < table.rows; ++i)
-    points[i] = {table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]};
-  return points;
 }
 
 float parse_distance(std::string_view text) {
@@ -59,10 +40,6 @@ void warn_of_infinite(Context& context, const std::string& file, const Scan& sca
                       const std::string& property) {
   for (const ScalarProperty& each : scan.properties)
     if (each.name == property) warn_of_infinite(context, file, each.values);
-}
-
-float surface_reach(const Rbvh& rbvh, const std::optional<float>& given) {
-  return given.value_or(0.01f * rbvh.source.bounds.diagonal());
 }
 
 }  // namespace rbvh

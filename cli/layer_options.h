@@ -18,9 +18,6 @@ double parse_layer_scale(std::string_view text);
 std::string parse_layer_name(std::string_view text);
 std::vector<std::string> parse_layer_names(std::string_view text);
 
-/// N x 3 float32; points that are not finite lie on no surface.
-std::vector<Vec3f> read_points(const Context& context, const std::string& path);
-
 /// A distance in scan units, at least 0.
 float parse_distance(std::string_view text);
 
@@ -30,9 +27,5 @@ void warn_of_infinite(Context& context, const std::string& file, std::span<const
 /// The same of a scan's vertex property, where it has one of that name.
 void warn_of_infinite(Context& context, const std::string& file, const Scan& scan,
                       const std::string& property);
-
-/// How far from a pair's surface a point may lie to be on it, unless told otherwise: 1% of the diagonal,
-/// beyond which a hit is on another piece of surface (leaks and walls).
-float surface_reach(const Rbvh& rbvh, const std::optional<float>& given);
 
 }  // namespace rbvh

@@ -1,5 +1,4 @@
 // rbvh paint: writes values to a layer, at points on the surface or from a scan's vertices.
-#include <cmath>
 #include <memory>
 
 #include "cli/asset_options.h"
@@ -8,6 +7,7 @@
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
+#include "io/report_json.h"
 #include "pipeline/rbvh/layer_painting.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
@@ -30,8 +30,8 @@ struct Paint {
 
 Paint read_paint(const Context& context, const PaintOptions& options) {
   static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
-  check_read_budget(context.memory, options.values);
-  Paint paint{read_points(context, options.points), read_npy(options.values, kColumns)};
+  for (const std::string& path : {options.points, options.values}) check_read_budget(context.memory, path);
+  Paint paint{read_points(options.points), read_npy(options.values, kColumns)};
   if (paint.values.rows != paint.points.size())
     throw Error(ErrorKind::kInput, options.values,
                 "has " + std::to_string(paint.values.rows) + " rows for the " +
@@ -39,29 +39,7 @@ Paint read_paint(const Context& context, const PaintOptions& options) {
   return paint;
 }
 
-/// The level's layer, made where it is not there.
-Layer& layer_of(Level& level, const PaintOptions& options, std::size_t channels) {
-  for (Layer& layer : level.layers) {
-    if (layer.name != options.layer) continue;
-    if (sample_width(layer) != channels)
-      throw Error(ErrorKind::kUsage, options.file,
-                  "layer " + layer.name + " has " + std::to_string(sample_width(layer)) +
-                      " values a point; there are " + std::to_string(channels) + " in " + options.values);
-    if (options.scale)
-      throw Error(ErrorKind::kUsage, options.file,
-                  "layer " + layer.name + " of level " + level.name +
-                      " is there and has its resolution; --layer-scale is for new ones");
-    return layer;
-  }
-  if (layer_kind(options.layer) != LayerKind::kUser)
-    throw Error(ErrorKind::kUsage, options.file,
-                "level " + level.name + " has no layer " + options.layer + " to paint on");
-  level.layers.push_back(
-      make_layer(level, options.layer, static_cast<std::uint32_t>(channels), options.scale.value_or(1)));
-  return level.layers.back();
-}
-
-void run_paint(Context& context, const PaintOptions& options) {
+void check_words(const PaintOptions& options) {
   const bool from_scan = !options.scan.empty();
   if (from_scan == (!options.points.empty() || !options.values.empty()) ||
       options.points.empty() != options.values.empty())
@@ -69,6 +47,23 @@ void run_paint(Context& context, const PaintOptions& options) {
   const LayerKind kind = layer_kind(options.layer);
   if (kind != LayerKind::kUser && (from_scan || kind != LayerKind::kColor))
     throw Error(ErrorKind::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
+}
+
+PaintCounts paint_points(const Device& device, const PaintOptions& options, const Paint& paint, float reach,
+                         Level& level) {
+  if (options.scale && find_layer(level, options.layer) != nullptr)
+    throw Error(ErrorKind::kUsage, options.file,
+                "layer " + options.layer + " of level " + level.name +
+                    " is there and has its resolution; --layer-scale is for new ones");
+  Layer& layer =
+      layer_to_paint(level, options.layer, paint.values.columns, options.scale.value_or(1), options.file);
+  return paint_layer(make_point_index(device, level), level, layer, paint.points, paint.values.values,
+                     options.radius, reach);
+}
+
+void run_paint(Context& context, const PaintOptions& options) {
+  check_words(options);
+  const bool from_scan = !options.scan.empty();
   // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
   const std::string output = context.output.empty() ? options.file : context.output;
   std::vector<std::string> inputs = {options.points, options.values, options.scan};
@@ -78,7 +73,7 @@ void run_paint(Context& context, const PaintOptions& options) {
     check_rbvh_output(output, context.force);
   else
     check_pair_output(context);
-  if (!is_rbvh(options.file)) throw Error(ErrorKind::kInput, options.file, "is no .rbvh pair");
+  check_is_pair(options.file);
 
   Stopwatch watch;
   Paint paint;
@@ -98,19 +93,15 @@ void run_paint(Context& context, const PaintOptions& options) {
   PaintCounts counts;
   std::optional<Device> device;
   if (!from_scan) device = Device::open(context.device);
+  const float reach = options.reach.value_or(default_reach(rbvh));
   for (Level& level : rbvh.levels) {
     if (std::find(levels.begin(), levels.end(), level.name) == levels.end()) continue;
     if (from_scan) {
-      std::vector<Level> one;
-      one.push_back(std::move(level));
-      add_property_layers(one, scan, {options.layer}, options.scale.value_or(1), context.progress.callback());
-      level = std::move(one[0]);
+      add_property_layers({&level, 1}, scan, {options.layer}, options.scale.value_or(1),
+                          context.progress.callback());
       continue;
     }
-    Layer& layer = layer_of(level, options, paint.values.columns);
-    const PaintCounts painted =
-        paint_layer(make_point_index(*device, level), level, layer, paint.points, paint.values.values,
-                    options.radius, surface_reach(rbvh, options.reach));
+    const PaintCounts painted = paint_points(*device, options, paint, reach, level);
     context.report["levels"].push_back(
         {{"name", level.name}, {"texels", painted.texels}, {"missed", painted.points_missed}});
     counts.points_missed = std::max(counts.points_missed, painted.points_missed);

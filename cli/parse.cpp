@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <sstream>
 
 #include "pipeline/base/error.h"
 
@@ -61,6 +62,22 @@ int parse_positive_up_to(std::string_view text, int most) {
   const int value = parse_positive(text);
   if (value > most)
     throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is more than " + std::to_string(most));
+  return value;
+}
+
+double parse_above_zero(std::string_view text) {
+  const double value = parse_number(text);
+  if (!(value > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  return value;
+}
+
+double parse_between(std::string_view text, double least, double most) {
+  const double value = parse_number(text);
+  if (!(value >= least && value <= most)) {
+    std::ostringstream range;
+    range << "between " << least << " and " << most;
+    refuse(text, range.str());
+  }
   return value;
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "pipeline/base/error.h"
 #include "rbvh/geometry.h"
 
 namespace rbvh {
@@ -20,6 +21,22 @@ std::int64_t parse_integer(std::string_view text);
 int parse_positive(std::string_view text);
 /// And of at most `most`.
 int parse_positive_up_to(std::string_view text, int most);
+
+/// A number above 0.
+double parse_above_zero(std::string_view text);
+/// A number from `least` to `most`.
+double parse_between(std::string_view text, double least, double most);
+
+/// One of a table's names: rows of name and value.
+template <const auto& kChoices>
+auto parse_choice(std::string_view text) {
+  std::string names;
+  for (const auto& [name, value] : kChoices) {
+    if (name == text) return value;
+    names.append(names.empty() ? "" : ", ").append(name);
+  }
+  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of " + names);
+}
 
 /// "x,y,z".
 Vec3d parse_vec3(std::string_view text);

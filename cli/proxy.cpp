@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -12,38 +11,23 @@
 #include "cli/stages.h"
 #include "io/hash.h"
 #include "io/input_file.h"
-#include "io/load_asset.h"
+#include "io/load_source.h"
 #include "io/polygon_obj.h"
 #include "io/proxy_file.h"
-#include "io/scan_io.h"
+#include "io/report_json.h"
 #include "io/vdm_image.h"
 #include "pipeline/measure/measure_json.h"
 #include "pipeline/proxy/bake.h"
 #include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/import_vdm.h"
-#include "pipeline/scan/ingest.h"
 
 namespace rbvh {
 namespace {
 
-namespace fs = std::filesystem;
-
-// What a bake has in memory at its peak, beside the file, as measured.
-constexpr std::uint64_t kBytesPerTriangle = 480;
-
-struct VdmOptions {
-  std::string map;  // empty: none, so a mesh is baked
-  std::optional<VdmSpace> space;
-  std::optional<std::array<VdmAxis, 3>> order;
-  std::optional<double> scale, midlevel;
-  std::string preset;
-
-  bool any() const { return space || order || scale || midlevel || !preset.empty(); }
-};
-
 struct ProxyOptions {
   std::string file;
-  VdmOptions vdm;
+  std::string map;  // empty: none, so a mesh is baked
+  VdmWords vdm;
   std::optional<std::uint32_t> max_side;
   std::optional<int> patches;
   std::optional<double> max_error_percent;
@@ -67,12 +51,7 @@ double parse_displacement(std::string_view text) {
   return value;
 }
 
-double parse_component(std::string_view text) {
-  const double percent = parse_number(text);
-  if (!(percent >= 0 && percent <= 100))
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not 0 to 100 percent");
-  return percent / 100;
-}
+double parse_component(std::string_view text) { return parse_between(text, 0, 100) / 100; }
 
 std::uint32_t parse_side(std::string_view text) {
   const std::int64_t side = parse_integer(text);
@@ -81,57 +60,8 @@ std::uint32_t parse_side(std::string_view text) {
   return static_cast<std::uint32_t>(side);
 }
 
-VdmSpace parse_space(std::string_view text) {
-  if (text == "object") return VdmSpace::kObject;
-  if (text == "world") return VdmSpace::kWorld;
-  if (text == "tangent") return VdmSpace::kTangent;
-  throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of object, world and tangent");
-}
-
-struct Input {
-  Scan scan;
-  ProxySource source;
-};
-
-Input read_mesh(Context& context, const ProxyOptions& options) {
-  Input input;
-  refuse_proxy(options.file);
-  const InputBytes bytes = read_input(options.file);
-  check_budget(context.memory, bytes.size * 3, options.file, "reading it");
-  input.source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
-  input.source.hash = hash_bytes(bytes.view());
-  input.scan = shift_to_float(parse_scan(bytes.view(), options.file));
-  input.source.shift = input.scan.shift;
-  check_usable(input.scan, options.file);
-  for (std::size_t i = 0; i < input.scan.positions.size(); ++i)
-    if (const Vec3f& p = input.scan.positions[i];
-        !(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= kLargestProxyValue) || !is_finite(p))
-      throw Error(
-          ErrorKind::kInput, options.file,
-          "vertex " + std::to_string(i) +
-              (is_finite(p) ? " is too large: beyond 1e18" : " is not finite; run rbvh ingest on it first"));
-  check_budget(context.memory, input.scan.triangles.size() * kBytesPerTriangle, options.file, "baking it");
-  return input;
-}
-
-nlohmann::ordered_json counts_json(const BakeReport& counts) {
-  return {{"triangles_in", counts.triangles_in},
-          {"flat_triangles", counts.mesh.flat_triangles},
-          {"small_components", counts.mesh.small_components},
-          {"small_component_triangles", counts.mesh.small_triangles},
-          {"cut_edges", counts.mesh.cut_edges},
-          {"cut_vertices", counts.mesh.cut_vertices},
-          {"open_edges", counts.mesh.open_edges},
-          {"components", counts.mesh.components},
-          {"base_triangles", counts.base_triangles},
-          {"alone_triangles", counts.alone_triangles},
-          {"folded_steps", counts.folded_steps},
-          {"patches", counts.patches},
-          {"patches_of_level", counts.patches_of_level},
-          {"patches_at_limit", counts.patches_at_limit},
-          {"texels", counts.texels},
-          {"projected_texels", counts.projected_texels}};
-}
+constexpr std::pair<std::string_view, VdmSpace> kSpaces[] = {
+    {"object", VdmSpace::kObject}, {"world", VdmSpace::kWorld}, {"tangent", VdmSpace::kTangent}};
 
 void run_bake(Context& context, const ProxyOptions& options) {
   BakeConfig config;
@@ -144,12 +74,15 @@ void run_bake(Context& context, const ProxyOptions& options) {
   }
   if (options.patches) config.max_patches = static_cast<std::uint64_t>(*options.patches);
   Stopwatch watch;
-  const Input input = read_mesh(context, options);
+  const SourceScan input = load_source(options.file, context.memory);
+  check_bakeable(input.scan, options.file);
+  check_budget(context.memory, bake_memory(input.scan), options.file, "baking it");
   const double load_seconds = watch.lap();
   BakeReport counts;
   const Proxy proxy = bake_proxy(input.scan, options.file, config, counts, context.progress.callback());
   const double bake_seconds = watch.lap();
-  const ProxyHeader header = save_proxy(context.output, proxy, input.source, context.force);
+  const ProxyHeader header =
+      save_proxy(context.output, proxy, {input.name, input.hash, input.scan.shift}, context.force);
   const double write_seconds = watch.lap();
   const nlohmann::ordered_json distance = proxy_measure_json(measure_proxy(proxy, input.scan));
   const double measure_seconds = watch.lap();
@@ -159,21 +92,16 @@ void run_bake(Context& context, const ProxyOptions& options) {
                        {"join", counts.join_seconds}, {"decimate", counts.decimate_seconds},
                        {"pair", counts.pair_seconds}, {"sample", counts.sample_seconds},
                        {"write", write_seconds},      {"measure", measure_seconds}};
-  report["counts"] = counts_json(counts);
-  report["distortion"] = {{"stretch_median", counts.stretch_median},
-                          {"stretch_p95", counts.stretch_p95},
-                          {"area_p95", counts.area_p95}};
-  report["longest_displacement"] = counts.longest_displacement;
+  report.update(bake_json(counts));
   report["distance"] = distance;
-  report["bytes"] = {
-      {"mesh", header.mesh_bytes}, {"map", header.map_bytes}, {"sidecar", header.sidecar_bytes}};
+  report["bytes"] = proxy_bytes_json(header);
   const ManifoldCounts& mesh = counts.mesh;
   if (mesh.small_components > 0)
     note(context, fmt::format("left out: {} small components ({} triangles)", mesh.small_components,
                               mesh.small_triangles));
   if (mesh.cut_edges > 0)
-    note(context, fmt::format("{} edges are no surface's: more than two triangles meet there, or two that "
-                              "turn opposite ways; cut",
+    note(context, fmt::format("cut {} non-manifold edges: more than two triangles share them, or two of "
+                              "opposite orientation",
                               mesh.cut_edges));
   note(context,
        fmt::format(
@@ -182,20 +110,6 @@ void run_bake(Context& context, const ProxyOptions& options) {
            context.output, counts.patches, counts.texels, format_bytes(header.bytes()),
            distance["proxy_to_scan"]["rms_percent"].get<double>(),
            distance["scan_to_proxy"]["rms_percent"].get<double>()));
-}
-
-// --- assets of other programs
-// ---------------------------------------------------------------------------------------
-
-VdmConvention convention_of(const VdmOptions& options) {
-  VdmConvention convention;
-  if (!options.preset.empty())
-    convention = vdm_preset(options.preset, options.space.value_or(VdmSpace::kTangent));
-  if (options.space) convention.space = *options.space;
-  if (options.order) convention.order = *options.order;
-  if (options.scale) convention.scale = *options.scale;
-  if (options.midlevel) convention.midlevel = *options.midlevel;
-  return convention;
 }
 
 void warn_of(Context& context, const std::string& file, const ImportReport& counts) {
@@ -218,7 +132,7 @@ void run_import(Context& context, const ProxyOptions& options) {
         ErrorKind::kUsage, "",
         "--patches, --max-error, --detail and --min-component are for baking a scan, and --vdm brings a map");
   ImportConfig config;
-  config.convention = convention_of(options.vdm);
+  config.convention = vdm_convention(options.vdm);
   if (options.max_side) config.max_side = *options.max_side;
   Stopwatch watch;
   ProxySource source;
@@ -226,11 +140,11 @@ void run_import(Context& context, const ProxyOptions& options) {
   {
     const InputBytes bytes = read_input(options.file);
     check_budget(context.memory, bytes.size * 6, options.file, "reading it");
-    source.name = options.file == "-" ? "stdin" : fs::path(options.file).filename().string();
+    source.name = source_name(options.file);
     source.hash = hash_bytes(bytes.view());
     mesh = read_polygon_obj(bytes.view(), input_name(options.file));
   }
-  const VdmMap map = read_vdm_map(options.vdm.map);
+  const VdmMap map = read_vdm_map(options.map);
   const double load_seconds = watch.lap();
   ImportReport counts;
   const Proxy proxy = import_vdm(mesh, map, config, input_name(options.file), counts);
@@ -239,20 +153,8 @@ void run_import(Context& context, const ProxyOptions& options) {
   const ProxyHeader header = save_proxy(context.output, proxy, source, context.force);
   auto& report = context.report;
   report["timings"] = {{"load", load_seconds}, {"import", import_seconds}, {"write", watch.lap()}};
-  report["counts"] = {{"faces", counts.faces},
-                      {"patches", counts.patches},
-                      {"texels", counts.texels},
-                      {"split_faces", counts.split_faces},
-                      {"dropped_faces", counts.dropped_faces},
-                      {"zero_area_patches", counts.zero_area_patches},
-                      {"bad_texels", counts.bad_texels},
-                      {"welded_edges", counts.welded_edges},
-                      {"overlapping_patches", counts.overlapping_patches},
-                      {"coarser_patches", counts.coarser_patches},
-                      {"long_patches", counts.long_patches}};
-  report["longest_displacement"] = counts.longest_displacement;
-  report["bytes"] = {
-      {"mesh", header.mesh_bytes}, {"map", header.map_bytes}, {"sidecar", header.sidecar_bytes}};
+  report.update(import_json(counts));
+  report["bytes"] = proxy_bytes_json(header);
   warn_of(context, options.file, counts);
   note(context,
        fmt::format("rbvh proxy: wrote {} ({} patches, {} texels, {}; {} seams welded)", context.output,
@@ -260,12 +162,12 @@ void run_import(Context& context, const ProxyOptions& options) {
 }
 
 void run_proxy(Context& context, const ProxyOptions& options) {
-  if (options.vdm.map.empty() && options.vdm.any())
+  if (options.map.empty() && options.vdm.any())
     throw Error(ErrorKind::kUsage, "", "--vdm-... say how to read a map; name it by --vdm MAP");
-  check_paths_differ(context, {options.file, options.vdm.map},
+  check_paths_differ(context, {options.file, options.map},
                      {context.output, proxy_map_path(context.output), proxy_sidecar_path(context.output)});
   check_proxy_output(context.output, context.force);
-  options.vdm.map.empty() ? run_bake(context, options) : run_import(context, options);
+  options.map.empty() ? run_bake(context, options) : run_import(context, options);
 }
 
 }  // namespace
@@ -295,11 +197,11 @@ void add_proxy(CLI::App& app, Context& context) {
              "leave out parts with less than this share of the area (default: 0.1; 0: keep all)");
   stage
       ->add_option(
-          "--vdm", options->vdm.map,
+          "--vdm", options->map,
           "FILE is another program's base mesh (OBJ), and this its displacement map (EXR, PNG, TIFF): three "
           "channels are vectors, one is heights along the normal")
       ->type_name("MAP");
-  add_parsed(*stage, "--vdm-space", options->vdm.space, parse_space, "SPACE",
+  add_parsed(*stage, "--vdm-space", options->vdm.space, parse_choice<kSpaces>, "SPACE",
              "of the map's vectors: object, world or tangent (default: object; with --vdm-preset tangent)");
   add_parsed(
       *stage, "--vdm-order", options->vdm.order, parse_vdm_order, "XYZ",

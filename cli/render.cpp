@@ -8,13 +8,13 @@
 #include "cli/common.h"
 #include "cli/exact_options.h"
 #include "cli/layer_options.h"
-#include "cli/name_template.h"
 #include "cli/stages.h"
 #include "io/cameras_file.h"
 #include "io/image.h"
+#include "io/name_template.h"
 #include "io/output_file.h"
+#include "io/report_json.h"
 #include "pipeline/measure/difference.h"
-#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/render/shade.h"
 #include "rbvh/render.h"
 
@@ -134,7 +134,11 @@ class Renderer {
       check_tracer_budget(context_.memory, asset, scene_config(config));
     }
     const std::vector<std::string> levels = levels_to_cast(context_, asset, options_.levels, true);
-    const std::vector<Camera> cameras = place_cameras(options_.camera, words_, asset.bounds, asset.up_axis());
+    const Resolution size = options_.camera.resolution;
+    const std::vector<Camera> cameras = place_cameras(
+        words_, options_.camera.turntable,
+        {static_cast<Vec3d>(asset.bounds.lo), static_cast<Vec3d>(asset.bounds.hi)},
+        options_.camera.up.value_or(asset.up_axis()), static_cast<double>(size.width) / size.height);
     for (const std::string& level : levels) {
       if (options_.aov == Aov::kLeaf) check_leaf_numbers(asset, level);
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
@@ -163,8 +167,11 @@ class Renderer {
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
         context_.progress.update(
             "render", static_cast<double>(done++) / static_cast<double>(levels.size() * cameras.size()));
-        const Image image = options_.compared.empty() ? picture(asset, level, *tracers[0], cameras[frame])
-                                                      : compare(asset, tracers, cameras[frame]);
+        const Image image =
+            options_.compared.empty()
+                ? picture(asset, level, *tracers[0], cameras[frame])
+                : render_difference(*tracers[0], *tracers[1], cameras[frame], size.width, size.height,
+                                    asset.bounds.diagonal(), counts_.differing, &timings_);
         watch.lap();
         const std::string name = output_name(asset, level, frame);
         write_image(name, image, context_.force);
@@ -191,37 +198,22 @@ class Renderer {
     config.up = static_cast<Vec3f>(options_.camera.up.value_or(asset.up_axis()));
     config.as_shown = options_.aov != Aov::kShaded &&
                       image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr;
-    if (!options_.color_layer.empty()) config.colors = layer_colors(asset, level);
+    if (!options_.color_layer.empty()) {
+      const Level* colored = asset.rbvh() ? asset.rbvh()->find_level(level) : nullptr;
+      const Layer& layer = color_layer(asset, colored, level);
+      config.colors = [colored, &layer](std::span<const Hit> hits) {
+        return layer_colors(*colored, layer, hits);
+      };
+    }
     return render(tracer, camera, config, &timings_);
   }
 
-  std::function<std::vector<Vec3f>(std::span<const Hit>)> layer_colors(const Asset& asset,
-                                                                       const std::string& name) const {
-    const Level* level = asset.rbvh() ? asset.rbvh()->find_level(name) : nullptr;
+  const Layer& color_layer(const Asset& asset, const Level* level, const std::string& name) const {
     const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
     if (!layer || layer_kind(layer->name) != LayerKind::kUser)
       throw Error(ErrorKind::kUsage, asset.path,
                   "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
-    return [level, layer](std::span<const Hit> hits) {
-      return value_colors(sample_layer_at_hits(*level, *layer, hits), sample_width(*layer), layer->lo,
-                          layer->hi);
-    };
-  }
-
-  // Where two tracers' hits of the same rays differ.
-  Image compare(const Asset& asset, const std::vector<std::unique_ptr<Tracer>>& tracers,
-                const Camera& camera) {
-    Stopwatch watch;
-    const Resolution size = options_.camera.resolution;
-    const CameraRays rays = camera_rays(camera, size.width, size.height);
-    const std::vector<Hit> first = intersect(*tracers[0], rays), second = intersect(*tracers[1], rays);
-    timings_.trace += watch.lap();
-    timings_.rays += first.size() + second.size();
-    for (std::size_t i = 0; i < first.size(); ++i)
-      counts_.differing += first[i].t != second[i].t || first[i].leaf != second[i].leaf;
-    Image image = difference_image(first, second, rays, asset.bounds.diagonal());
-    timings_.shade += watch.lap();
-    return image;
+    return *layer;
   }
 
   std::string output_name(const Asset& asset, const std::string& level, std::size_t frame) const {

@@ -7,6 +7,7 @@
 #include "cli/stages.h"
 #include "io/output_file.h"
 #include "io/rbvh_file.h"
+#include "io/report_json.h"
 #include "pipeline/rbvh/layer_sampling.h"
 
 namespace rbvh {
@@ -21,9 +22,10 @@ struct SampleOptions {
 void run_sample(Context& context, const SampleOptions& options) {
   check_paths_differ(context, {options.file, atlas_path(options.file), options.points}, {context.output});
   check_output(context.output, context.force);
-  if (!is_rbvh(options.file)) throw Error(ErrorKind::kInput, options.file, "is no .rbvh pair");
+  check_is_pair(options.file);
   Stopwatch watch;
-  const std::vector<Vec3f> points = read_points(context, options.points);
+  check_read_budget(context.memory, options.points);
+  const std::vector<Vec3f> points = read_points(options.points);
   const Asset pair = load(context, options.file);
   const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
   const Layer* layer = find_layer(level, options.layer);
@@ -36,7 +38,7 @@ void run_sample(Context& context, const SampleOptions& options) {
   const double load_seconds = watch.lap();
   const Device device = Device::open(context.device);
   const std::vector<float> values = sample_layer(make_point_index(device, level), level, *layer, points,
-                                                 surface_reach(*pair.rbvh(), options.reach));
+                                                 options.reach.value_or(default_reach(*pair.rbvh())));
   const double sample_seconds = watch.lap();
   const std::size_t width = sample_width(*layer);
   write_npy(context.output, values, width, context.force);

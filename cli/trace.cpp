@@ -9,6 +9,7 @@
 #include "cli/stages.h"
 #include "io/npy.h"
 #include "io/output_file.h"
+#include "io/report_json.h"
 #include "pipeline/trace/ray_table.h"
 
 namespace rbvh {

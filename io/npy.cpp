@@ -190,6 +190,15 @@ FloatTable read_npy(const std::string& path, std::span<const std::size_t> column
   return decode_npy(bytes.view(), input_name(path), columns);
 }
 
+std::vector<Vec3f> read_points(const std::string& path) {
+  static constexpr std::size_t kColumns[] = {3};
+  const FloatTable table = read_npy(path, kColumns);
+  std::vector<Vec3f> points(table.rows);
+  for (std::size_t i = 0; i < table.rows; ++i)
+    points[i] = {table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]};
+  return points;
+}
+
 void write_npy(const std::string& path, std::span<const float> values, std::size_t columns, bool overwrite) {
   RBVH_CHECK(columns > 0 && values.size() % columns == 0);
   std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "rbvh/geometry.h"
+
 namespace rbvh {
 
 /// Row by row.
@@ -24,6 +26,9 @@ FloatTable read_npy(const std::string& path, std::span<const std::size_t> column
 
 /// The same from bytes in memory; `name` is for messages.
 FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns);
+
+/// read_npy() of a table of three columns as points.
+std::vector<Vec3f> read_points(const std::string& path);
 
 /// Writes values.size() / columns rows ("-": standard output) as numpy.save would. Throws Error(kFailure).
 void write_npy(const std::string& path, std::span<const float> values, std::size_t columns, bool overwrite);

@@ -27,8 +27,8 @@ class ObjReader {
     if (key == "v") {
       vertex();
     } else if (key == "vn") {
-      double n[4];
-      if (in_.numbers(n, 4) != 3) in_.fail("a normal needs three numbers");
+      double n[3];
+      if (in_.all_numbers(n, 3) != 3) in_.fail("a normal needs three numbers");
       file_normals_.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
     } else if (key == "f" || key == "fo") {
       face();
@@ -49,7 +49,7 @@ class ObjReader {
   /// x y z [w] [r g b]
   void vertex() {
     double values[8];
-    const int count = in_.numbers(values, 8);
+    const int count = in_.all_numbers(values, 8);
     if (count < 3) in_.fail("a vertex needs three numbers");
     positions_.push_back({values[0], values[1], values[2]});
     if (count != 6 && count != 7) return;

@@ -57,6 +57,14 @@ class ObjGrammar {
     return count;
   }
 
+  /// Takes all of the statement's numbers and keeps the first `most`; returns how many there were.
+  int all_numbers(double* out, int most) {
+    int count = numbers(out, most);
+    if (count == most)
+      for (double extra; numbers(&extra, 1) == 1;) ++count;
+    return count;
+  }
+
   /// Takes a corner: v, v/vt, v//vn or v/vt/vn, where vt and vn may be missing. False at the end of the face.
   bool corner(ObjCorner& corner) {
     std::string_view word;

@@ -18,6 +18,7 @@
 #include <cstring>
 #include <filesystem>
 #include <mutex>
+#include <set>
 #include <vector>
 
 #include "pipeline/base/error.h"
@@ -317,6 +318,27 @@ void check_folder(const std::string& path, const std::string& folder) {
   if (::stat(folder.c_str(), &status) != 0)
     throw Error(ErrorKind::kFailure, path,
                 "cannot be created: there is no folder " + folder + "; make it first");
+}
+
+void check_paths_differ(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  std::set<std::filesystem::path> taken;
+  const auto resolve = [](const std::string& path) {
+    std::error_code error;
+    const auto whole = std::filesystem::weakly_canonical(path, error);
+    return error ? std::filesystem::path(path) : whole;
+  };
+  if (std::count(inputs.begin(), inputs.end(), "-") > 1)
+    throw Error(ErrorKind::kUsage, "", "standard input can be one input only; name files");
+  for (const std::string& input : inputs)
+    if (input != "-") taken.insert(resolve(input));
+  for (const std::string& output : outputs) {
+    // Devices (/dev/null) can be named twice.
+    std::error_code error;
+    if (output.empty() || output == "-" || std::filesystem::is_character_file(output, error)) continue;
+    if (!taken.insert(resolve(output)).second)
+      throw Error(ErrorKind::kUsage, output,
+                  "is named twice, to be written and read or written; choose another name");
+  }
 }
 
 void check_output(const std::string& path, bool overwrite) { const OutputFile probe(path, overwrite); }

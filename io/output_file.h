@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace rbvh {
 
@@ -46,6 +47,10 @@ void install_interrupt_cleanup();
 
 /// Throws Error(kFailure) where `folder`, in which `path` is to be, does not exist.
 void check_folder(const std::string& path, const std::string& folder);
+
+/// Throws Error(kUsage) for an output that is an input or named twice, and for two inputs "-". Empty names
+/// are none; a device may be named twice.
+void check_paths_differ(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
 
 /// Throws the same Error as OutputFile's constructor would, before any work is done.
 void check_output(const std::string& path, bool overwrite);

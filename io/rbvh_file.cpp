@@ -7,11 +7,13 @@
 #include <flatbuffers/flatbuffers.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <filesystem>
 #include <limits>
 #include <memory>
+#include <numeric>
 
 #include "io/atlas_file.h"
 #include "io/hash.h"
@@ -19,7 +21,9 @@
 #include "io/output_file.h"
 #include "io/shallow_json.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/text.h"
 #include "pipeline/rbvh/check_rbvh.h"
+#include "pipeline/rbvh/lod.h"
 #include "rbvh_file_generated.h"
 
 namespace rbvh {
@@ -353,6 +357,38 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
     throw;
   }
   return bytes;
+}
+
+RbvhBytes write_rbvh_within(const std::string& path, Rbvh& rbvh, bool overwrite, std::uint64_t most_bytes,
+                            const std::string& file, const std::function<void(Rbvh&)>& add_coarser) {
+  RbvhBytes all = write_rbvh(path, rbvh, overwrite, 0);  // measures, writes nothing
+  const auto smallest = [&] {
+    // With what a pair has beside its levels.
+    const std::uint64_t own = std::accumulate(all.levels.begin(), all.levels.end(), std::uint64_t{0});
+    return *std::min_element(all.levels.begin(), all.levels.end()) + all.hierarchy + all.atlas - own;
+  };
+  if (add_coarser && smallest() > most_bytes) {
+    add_coarser(rbvh);
+    all = write_rbvh(path, rbvh, overwrite, 0);
+  }
+  // What is not any level's own (names, headers) is known only of a whole pair: where it does not fit, the
+  // next set that takes less is tried.
+  const std::vector<Level> levels = std::move(rbvh.levels);
+  for (std::uint64_t room = most_bytes;;) {
+    std::uint64_t taken = 0;
+    rbvh.levels.clear();
+    for (const std::size_t i : choose_levels_by_bytes(all.levels, room)) {
+      rbvh.levels.push_back(levels[i]);
+      taken += all.levels[i];
+    }
+    if (rbvh.levels.empty())
+      throw Error(ErrorKind::kBudget, file,
+                  "no level fits into " + format_bytes(most_bytes) + "; the smallest takes " +
+                      format_bytes(smallest()));
+    RbvhBytes bytes = write_rbvh(path, rbvh, overwrite, most_bytes);
+    if (bytes.hierarchy + bytes.atlas <= most_bytes) return bytes;
+    room = taken - 1;
+  }
 }
 
 void check_rbvh_output(const std::string& path, bool overwrite) {

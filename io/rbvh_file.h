@@ -47,6 +47,12 @@ struct RbvhBytes {
 RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite,
                      std::uint64_t most_bytes = std::numeric_limits<std::uint64_t>::max());
 
+/// Writes the finest levels that fit into `most_bytes`, both files together (choose_levels_by_bytes()), and
+/// leaves `rbvh` with these. Where even the smallest does not fit, `add_coarser`, if given, may add levels.
+/// Throws Error(kBudget) where none fits; `file` is for that message.
+RbvhBytes write_rbvh_within(const std::string& path, Rbvh& rbvh, bool overwrite, std::uint64_t most_bytes,
+                            const std::string& file, const std::function<void(Rbvh&)>& add_coarser = {});
+
 /// Throws the same Error as write_rbvh() would for an output that cannot be, before any work is done.
 void check_rbvh_output(const std::string& path, bool overwrite);
 

@@ -11,10 +11,12 @@
 #include "io/off.h"
 #include "io/pcd.h"
 #include "io/ply.h"
+#include "io/proxy_file.h"
 #include "io/stl.h"
 #include "io/text_cursor.h"
 #include "io/xyz.h"
 #include "pipeline/base/error.h"
+#include "pipeline/scan/ingest.h"
 
 namespace rbvh {
 namespace {
@@ -180,6 +182,27 @@ void merge_scan(RawScan& all, RawScan&& scan) {
     for (std::uint32_t& corner : triangle) corner += static_cast<std::uint32_t>(count);
   append(all.triangles, std::move(scan.triangles));
   append(all.notes, std::move(scan.notes));
+}
+
+RawScan read_scans(const std::vector<std::string>& paths, const MemoryBudget& memory,
+                   const std::function<void(const std::string& path, const std::string& note)>& on_note,
+                   const Progress& progress) {
+  RawScan all;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    report(progress, "read", static_cast<double>(i) / static_cast<double>(paths.size()));
+    check_read_budget(memory, paths[i], 1);
+    refuse_proxy(paths[i]);
+    RawScan scan = read_scan(paths[i]);
+    if (on_note)
+      for (const std::string& note : scan.notes) on_note(paths[i], note);
+    try {
+      merge_scan(all, std::move(scan));
+    } catch (const Error& error) {
+      throw Error(error.kind(), paths[i], error.what(), error.remedy());
+    }
+    check_budget(memory, ingest_memory(all), paths[i], "cleaning it");
+  }
+  return all;
 }
 
 }  // namespace rbvh

@@ -2,9 +2,12 @@
 // by extension.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "pipeline/base/memory_budget.h"
 #include "rbvh/io.h"
 #include "rbvh/scan.h"
 
@@ -24,5 +27,11 @@ RawScan parse_scan(std::string_view bytes, const std::string& path);
 /// zeros, white or NaN. The whole has no viewpoint. Throws Error(kInput) when one is a mesh and the other a
 /// cloud.
 void merge_scan(RawScan& all, RawScan&& scan);
+
+/// Reads and merges inputs, each within the memory that ingest() would take. `on_note` is given what an input
+/// has that a scan cannot hold. Throws as read_scan() and merge_scan(), Error(kBudget).
+RawScan read_scans(const std::vector<std::string>& paths, const MemoryBudget& memory,
+                   const std::function<void(const std::string& path, const std::string& note)>& on_note = {},
+                   const Progress& progress = {});
 
 }  // namespace rbvh

@@ -25,6 +25,9 @@ struct LevelConfig {
 /// Q0 (finest) to Q4.
 const std::vector<LevelConfig>& standard_levels();
 
+/// Those of these names (empty: all), finest first in whatever order they are named. Throws Error(kUsage).
+std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names);
+
 /// Quality that varies over the scan (section 3.5 of the paper).
 struct Focus {
   Vec3f center{};

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/stopwatch.h"
 #include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
@@ -74,6 +75,22 @@ Image difference_image(std::span<const Hit> exact, std::span<const Hit> level, c
         for (std::size_t mx = x - std::min(x, radius); mx <= std::min(width - 1, x + radius); ++mx)
           paint(mx, my, fault_color(fault));
     }
+  return image;
+}
+
+Image render_difference(const Tracer& first, const Tracer& second, const Camera& camera, std::uint32_t width,
+                        std::uint32_t height, float diagonal, std::uint64_t& differing,
+                        RenderTimings* timings) {
+  RenderTimings unasked;
+  RenderTimings& times = timings != nullptr ? *timings : unasked;
+  Stopwatch watch;
+  const CameraRays rays = camera_rays(camera, width, height);
+  const std::vector<Hit> a = intersect(first, rays), b = intersect(second, rays);
+  times.trace += watch.lap();
+  times.rays += a.size() + b.size();
+  for (std::size_t i = 0; i < a.size(); ++i) differing += a[i].t != b[i].t || a[i].leaf != b[i].leaf;
+  Image image = difference_image(a, b, rays, diagonal);
+  times.shade += watch.lap();
   return image;
 }
 

@@ -5,6 +5,7 @@
 
 #include "pipeline/measure/fidelity.h"
 #include "rbvh/image.h"
+#include "rbvh/render.h"
 
 namespace rbvh {
 
@@ -14,5 +15,11 @@ namespace rbvh {
 /// each side.
 Image difference_image(std::span<const Hit> exact, std::span<const Hit> level, const CameraRays& rays,
                        float diagonal, int mark_radius = 0);
+
+/// Where two tracers' hits of a camera's rays differ (difference_image()). `diagonal` is of what is cast at,
+/// scan units; the number of pixels with another hit is added to `differing`.
+Image render_difference(const Tracer& first, const Tracer& second, const Camera& camera, std::uint32_t width,
+                        std::uint32_t height, float diagonal, std::uint64_t& differing,
+                        RenderTimings* timings = nullptr);
 
 }  // namespace rbvh

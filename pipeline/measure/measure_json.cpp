@@ -94,6 +94,20 @@ Json fidelity_json(const LevelFidelity& f) {
   return json;
 }
 
+Json measure_json(const LevelMeasure& measure, const ViewsConfig& views, const Level& level,
+                  std::string& difference) {
+  Json json = measure_json(measure);
+  json["stored"] = fidelity_json(level.fidelity);
+  json["as_stored"] = nullptr;
+  difference.clear();
+  const LevelMeasures& stored = level.fidelity.more;
+  if (stored.views != static_cast<std::uint32_t>(views.views) || stored.resolution != views.resolution)
+    return json;
+  difference = find_difference(level.fidelity, stored_fidelity(measure, views));
+  json["as_stored"] = difference.empty();
+  return json;
+}
+
 Json proxy_measure_json(const ProxyMeasure& measure) {
   const auto json = [&](const DistanceStatistics& d) -> Json {
     return {{"rms_percent", 100 * d.rms / measure.diagonal}, {"max_percent", 100 * d.max / measure.diagonal}};

@@ -51,9 +51,16 @@ LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& co
   return f;
 }
 
-double error_percent(const LevelFidelity& f) {
-  if (!f.measured || f.more.views == 0) return std::numeric_limits<double>::quiet_NaN();
-  return 100 * static_cast<double>(std::max(f.more.to_scan_rms, f.more.to_level_rms));
+void measure_and_store(const Device& device, Asset& pair, const Asset& exact,
+                       const std::vector<std::string>& levels, const ViewsConfig& views,
+                       const MemoryBudget& memory, const Progress& progress) {
+  MeasureConfig config;
+  config.views = views;
+  config.images = config.distances = true;
+  config.memory = memory;
+  for (const LevelMeasure& measure : measure_levels(device, pair, exact, levels, config, progress))
+    for (Level& level : pair.rbvh()->levels)
+      if (level.name == measure.level) level.fidelity = stored_fidelity(measure, views);
 }
 
 std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found) {

@@ -11,9 +11,11 @@ namespace rbvh {
 /// What a pair's file keeps of it. Wants images and distances to have been measured.
 LevelFidelity stored_fidelity(const LevelMeasure& measure, const ViewsConfig& views);
 
-/// The larger of the two surface distances' RMS, in % of the diagonal: what `lod --max-error` means. NaN
-/// where it was not measured.
-double error_percent(const LevelFidelity& fidelity);
+/// Measures these levels with pictures and distances, and stores what is found in the pair. Throws as
+/// measure_levels().
+void measure_and_store(const Device& device, Asset& pair, const Asset& exact,
+                       const std::vector<std::string>& levels, const ViewsConfig& views,
+                       const MemoryBudget& memory = {}, const Progress& progress = {});
 
 /// A figure that is worse than the file says, in words ("3 holes, where the file says 0"), or nothing: beyond
 /// what another device's rounding could explain. Both measured, with the same views.

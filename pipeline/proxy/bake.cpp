@@ -10,6 +10,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/stopwatch.h"
+#include "pipeline/proxy/check_proxy.h"
 #include "pipeline/proxy/decimate.h"
 #include "pipeline/proxy/join_edges.h"
 #include "pipeline/proxy/pack_map.h"
@@ -303,7 +304,23 @@ double diagonal_of(const Manifold& mesh) {
   return box.diagonal();
 }
 
+constexpr std::uint64_t kBytesPerTriangle = 480;  // at a bake's peak, as measured
+
 }  // namespace
+
+void check_bakeable(const Scan& scan, const std::string& file) {
+  for (std::size_t i = 0; i < scan.positions.size(); ++i) {
+    const Vec3f& p = scan.positions[i];
+    const auto refuse = [&](const char* what) {
+      throw Error(ErrorKind::kInput, file, "vertex " + std::to_string(i) + what);
+    };
+    if (!is_finite(p)) refuse(" is not finite; ingest it first");
+    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= kLargestProxyValue))
+      refuse(" is too large: beyond 1e18");
+  }
+}
+
+std::uint64_t bake_memory(const Scan& scan) { return scan.triangles.size() * kBytesPerTriangle; }
 
 Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& config, BakeReport& counts,
                  const Progress& progress) {

@@ -38,6 +38,13 @@ struct BakeReport {
   double join_seconds = 0, decimate_seconds = 0, pair_seconds = 0, sample_seconds = 0;
 };
 
+/// Throws Error(kInput) where a position is not finite or beyond what a proxy can hold. `file` is for
+/// messages.
+void check_bakeable(const Scan& scan, const std::string& file);
+
+/// About how many bytes a bake has in memory at its peak.
+std::uint64_t bake_memory(const Scan& scan);
+
 /// Throws Error(kInput) for a cloud, and where nothing is left; Error(kBudget) where max_patches cannot be
 /// reached. `file` is for messages. The proxy has no find_fault().
 Proxy bake_proxy(const Scan& scan, const std::string& file, const BakeConfig& config, BakeReport& counts,

@@ -320,6 +320,16 @@ VdmConvention vdm_preset(std::string_view name, VdmSpace space) {
   return c;
 }
 
+VdmConvention vdm_convention(const VdmWords& words) {
+  VdmConvention convention;
+  if (!words.preset.empty()) convention = vdm_preset(words.preset, words.space.value_or(VdmSpace::kTangent));
+  if (words.space) convention.space = *words.space;
+  if (words.order) convention.order = *words.order;
+  if (words.scale) convention.scale = *words.scale;
+  if (words.midlevel) convention.midlevel = *words.midlevel;
+  return convention;
+}
+
 Proxy import_vdm(const PolygonMesh& polygons, const VdmMap& source_map, const ImportConfig& config,
                  const std::string& file, ImportReport& counts) {
   counts = {};

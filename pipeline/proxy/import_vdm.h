@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,20 @@ std::array<VdmAxis, 3> parse_vdm_order(std::string_view text);
 /// As programs document their maps (see docs/proxy.md). Object and world maps are x, y, z and zero-based in
 /// all of them. Throws Error(kUsage) for an unknown name.
 VdmConvention vdm_preset(std::string_view name, VdmSpace space);
+
+/// What a user may say of a map.
+struct VdmWords {
+  std::string preset;  ///< vdm_preset()'s name, or empty
+  std::optional<VdmSpace> space;
+  std::optional<std::array<VdmAxis, 3>> order;
+  std::optional<double> scale, midlevel;
+
+  bool any() const { return space || order || scale || midlevel || !preset.empty(); }
+};
+
+/// What is said goes before the preset, which is of tangent space unless said otherwise; without one the
+/// defaults are VdmConvention's. Throws as vdm_preset().
+VdmConvention vdm_convention(const VdmWords& words);
 
 struct VdmMap {
   std::uint32_t width = 0, height = 0;

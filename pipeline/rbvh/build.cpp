@@ -15,6 +15,9 @@ namespace {
 /// In scan units squared: squares of areas must stay within float on the device.
 constexpr float kLeastArea = 1e-15f, kMostArea = 1e17f;
 
+/// At a build's peak: the scan and its primitives, and the tiles' texels.
+constexpr std::uint64_t kBytesPerVertex = 80, kBytesPerPrimitive = 160, kBytesPerTexel = 40;
+
 float checked_area(const BuildConfig& config, float own_area) {
   const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
   if (!(area > 0)) throw Error(ErrorKind::kInput, "", "the scan has no area");
@@ -34,6 +37,32 @@ const std::vector<LevelConfig>& standard_levels() {
                                                   {"Q3", 128e3f, 0.70f, 60},
                                                   {"Q4", 32e3f, 0.65f, 65}};
   return levels;
+}
+
+std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names) {
+  if (names.empty()) return standard_levels();
+  std::vector<LevelConfig> chosen;
+  for (const LevelConfig& level : standard_levels())
+    if (std::find(names.begin(), names.end(), level.name) != names.end()) chosen.push_back(level);
+  for (const std::string& name : names)
+    if (std::none_of(chosen.begin(), chosen.end(),
+                     [&](const LevelConfig& level) { return level.name == name; }))
+      throw Error(ErrorKind::kUsage, "", "there is no level '" + name + "'; there are Q0, Q1, Q2, Q3 and Q4");
+  return chosen;
+}
+
+void check_buildable(const Scan& scan, const std::string& file) {
+  for (std::size_t i = 0; i < scan.positions.size(); ++i)
+    if (!is_finite(scan.positions[i]))
+      throw Error(ErrorKind::kInput, file, "vertex " + std::to_string(i) + " is not finite; ingest it first");
+  if (scan.is_cloud() && (scan.normals.empty() || scan.radii.empty()))
+    throw Error(ErrorKind::kInput, file, "the points have no normals or radii; ingest it first");
+}
+
+std::uint64_t build_memory(const Scan& scan, const BuildConfig& config) {
+  const std::uint64_t primitives = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
+  return scan.positions.size() * kBytesPerVertex + primitives * kBytesPerPrimitive +
+         static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel;
 }
 
 Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& config, const Progress& progress,

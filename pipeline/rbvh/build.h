@@ -1,6 +1,7 @@
 // From a scan to a rasterized BVH: partition, rasterise, refine, pack; one full rebuild per level.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,7 +17,14 @@
 
 namespace rbvh {
 
-/// The scan must have finite positions only; a cloud needs normals and radii. Deterministic for one device.
+/// Throws Error(kInput) for a scan that build_rbvh() cannot take: with positions that are not finite, or a
+/// cloud without normals or radii. `file` is for messages.
+void check_buildable(const Scan& scan, const std::string& file);
+
+/// About how many bytes a build has in memory at its peak.
+std::uint64_t build_memory(const Scan& scan, const BuildConfig& config);
+
+/// The scan must pass check_buildable(). Deterministic for one device.
 /// Throws Error(kInput) for a scan whose area is zero or beyond what float can work with, Error(kBudget)
 /// where a level needs too many texels.
 Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& config,

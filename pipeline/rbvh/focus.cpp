@@ -2,8 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace rbvh {
+
+Focus place_focus(const FocusWords& words, const Scan& scan) {
+  Focus focus{.center = Vec3f(words.point), .radius = 0, .level = words.level};
+  if (words.radius) {
+    focus.radius = static_cast<float>(*words.radius);
+    return focus;
+  }
+  float nearest = std::numeric_limits<float>::infinity();
+  for (const Vec3f& p : scan.positions) nearest = std::min(nearest, length(p - focus.center));
+  focus.radius = std::max(nearest, 1e-3f * bounds(scan).diagonal());
+  return focus;
+}
 
 LevelConfig quality_at(const LevelConfig& level, const Focus* focus, float distance) {
   if (focus == nullptr || !(focus->level.rho > level.rho)) return level;

@@ -9,6 +9,7 @@
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_grid.h"
 #include "pipeline/rbvh/layer_sampling.h"
+#include "pipeline/rbvh/layers.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
@@ -83,6 +84,22 @@ std::uint64_t write_claims(Layer& layer, const std::vector<Claim>& claims, std::
 }
 
 }  // namespace
+
+Layer& layer_to_paint(Level& level, const std::string& name, std::size_t width, double scale,
+                      const std::string& file) {
+  for (Layer& layer : level.layers) {
+    if (layer.name != name) continue;
+    if (sample_width(layer) != width)
+      throw Error(ErrorKind::kUsage, file,
+                  "layer " + name + " has " + std::to_string(sample_width(layer)) +
+                      " values a point, and there are " + std::to_string(width));
+    return layer;
+  }
+  if (layer_kind(name) != LayerKind::kUser)
+    throw Error(ErrorKind::kUsage, file, "level " + level.name + " has no layer " + name + " to paint on");
+  level.layers.push_back(make_layer(level, name, static_cast<std::uint32_t>(width), scale));
+  return level.layers.back();
+}
 
 PaintCounts paint_layer(const PointIndex& index, const Level& level, Layer& layer,
                         std::span<const Vec3f> points, std::span<const float> values, float radius,

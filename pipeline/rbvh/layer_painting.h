@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 
 #include "pipeline/rbvh/point_query.h"
 #include "pipeline/rbvh/rbvh.h"
@@ -13,6 +14,12 @@ struct PaintCounts {
   std::uint64_t points_missed = 0;  ///< that lie on no surface
   std::uint64_t texels = 0;         ///< written
 };
+
+/// The level's layer of that name with so many values a point, made with `scale` (make_layer()) where it is
+/// not there. Throws Error(kUsage) where it has another number of values, and where a level without colours
+/// is to be painted with them; `file` is for messages.
+Layer& layer_to_paint(Level& level, const std::string& name, std::size_t width, double scale,
+                      const std::string& file);
 
 /// Writes values (sample_width() each; NaN in the first: removes the value) to every texel, of every tile,
 /// that covers a point or whose place on the surface is within `radius` (scan units) of one; of several

@@ -93,6 +93,8 @@ std::size_t sample_width(const Layer& layer) {
   return kind == LayerKind::kNormal || kind == LayerKind::kColor ? 3 : layer.channels;
 }
 
+float default_reach(const Rbvh& rbvh) { return 0.01f * rbvh.source.bounds.diagonal(); }
+
 std::vector<float> sample_layer(const PointIndex& index, const Level& level, const Layer& layer,
                                 std::span<const Vec3f> points, float most) {
   const PointHits hits = query_points(index, points);

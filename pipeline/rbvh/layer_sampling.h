@@ -14,6 +14,10 @@ namespace rbvh {
 /// normals (unit) and colours (sRGB in [0, 1]), else the layer's channels.
 std::size_t sample_width(const Layer& layer);
 
+/// How far from the pair's surface a point may lie to be on it, unless told otherwise, scan units: 1% of the
+/// diagonal, beyond which a hit is on another piece of surface (leaks and walls).
+float default_reach(const Rbvh& rbvh);
+
 /// Values at points, row by row; NaN where no texel has one. Bilinear in each tile that covers the point, and
 /// a weighted mean of these tiles that has no seam where one ends. `most`: see covering().
 std::vector<float> sample_layer(const PointIndex& index, const Level& level, const Layer& layer,

@@ -106,7 +106,7 @@ std::vector<float> property_at(const Scan& scan, const ScalarProperty& property,
   return values;
 }
 
-void add_property_layers(std::vector<Level>& levels, const Scan& scan, const std::vector<std::string>& names,
+void add_property_layers(std::span<Level> levels, const Scan& scan, const std::vector<std::string>& names,
                          double scale, const Progress& progress) {
   double done = 0;
   for (const std::string& name : names) {

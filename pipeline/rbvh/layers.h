@@ -30,7 +30,7 @@ std::vector<float> property_at(const Scan& scan, const ScalarProperty& property,
 
 /// Adds each property as a layer of each level (replacing one of that name). Throws Error(kUsage) for a name
 /// that the scan does not have or that a user's layer cannot have.
-void add_property_layers(std::vector<Level>& levels, const Scan& scan, const std::vector<std::string>& names,
+void add_property_layers(std::span<Level> levels, const Scan& scan, const std::vector<std::string>& names,
                          double scale, const Progress& progress = {});
 
 }  // namespace rbvh

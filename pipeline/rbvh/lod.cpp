@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <iterator>
+#include <limits>
 
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/layer_codec.h"
@@ -158,6 +161,16 @@ void carry_layers(const Device& device, const Level& from, std::vector<Level>& d
   }
 }
 
+bool is_in(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string three_digits(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
 }  // namespace
 
 Scan scan_of_level(const Level& level, bool is_cloud) {
@@ -183,6 +196,82 @@ std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const L
   for (Level& level : derived) level.derived_from = from.name;
   carry_layers(device, from, derived);
   return derived;
+}
+
+std::vector<LevelConfig> derivable_levels(const Rbvh& rbvh, const Level& than) {
+  std::vector<LevelConfig> configs;
+  for (const LevelConfig& config : standard_levels())
+    if (rbvh.find_level(config.name) == nullptr && config.rho < than.rho) configs.push_back(config);
+  return configs;
+}
+
+void add_derived_levels(const Device& device, Rbvh& rbvh, const Level& from,
+                        const std::vector<LevelConfig>& levels, const Progress& progress) {
+  if (levels.empty()) return;
+  std::vector<Level> derived = derive_levels(device, rbvh, from, levels, progress);
+  std::move(derived.begin(), derived.end(), std::back_inserter(rbvh.levels));
+  std::stable_sort(rbvh.levels.begin(), rbvh.levels.end(),
+                   [](const Level& a, const Level& b) { return a.rho > b.rho; });
+}
+
+LevelChoice choose_levels_by_name(const Rbvh& rbvh, const std::vector<std::string>& wanted,
+                                  const std::vector<std::string>& dropped, const std::string& file) {
+  LevelChoice choice;
+  for (const Level& level : rbvh.levels)
+    if (wanted.empty() || is_in(wanted, level.name)) choice.names.push_back(level.name);
+  if (!wanted.empty())
+    for (const LevelConfig& config : derivable_levels(rbvh, rbvh.levels.front()))
+      if (is_in(wanted, config.name)) {
+        choice.derived.push_back(config);
+        choice.names.push_back(config.name);
+      }
+  const auto refuse = [&](const std::string& name) {
+    throw Error(ErrorKind::kUsage, file,
+                "there is no level '" + name + "'; there are " + level_names(rbvh) +
+                    ", and standard levels coarser than the finest of them can be derived");
+  };
+  for (const std::string& name : dropped)
+    if (rbvh.find_level(name) == nullptr) refuse(name);
+  for (const std::string& name : wanted)
+    if (!is_in(choice.names, name)) refuse(name);
+  std::erase_if(choice.names, [&](const std::string& name) { return is_in(dropped, name); });
+  if (choice.names.empty()) throw Error(ErrorKind::kUsage, file, "no level would be left");
+  return choice;
+}
+
+std::string level_names(const Rbvh& rbvh) {
+  std::string names;
+  for (const Level& level : rbvh.levels) names += (names.empty() ? "" : ", ") + level.name;
+  return names;
+}
+
+void keep_levels(Rbvh& rbvh, const std::vector<std::string>& names) {
+  std::erase_if(rbvh.levels, [&](const Level& level) { return !is_in(names, level.name); });
+}
+
+std::vector<std::string> unmeasured_levels(const Rbvh& rbvh) {
+  std::vector<std::string> names;
+  for (const Level& level : rbvh.levels)
+    if (std::isnan(error_percent(level.fidelity))) names.push_back(level.name);
+  return names;
+}
+
+std::string choose_level_by_error(const Rbvh& rbvh, double most, const std::string& file) {
+  const std::vector<std::string> unmeasured = unmeasured_levels(rbvh);
+  if (!unmeasured.empty())
+    throw Error(ErrorKind::kInput, file, "level " + unmeasured[0] + " was not measured");
+  const Level* chosen = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Level& level : rbvh.levels) {  // finest first: the last one is the smallest
+    const double error = error_percent(level.fidelity);
+    least = std::min(least, error);
+    if (error <= most) chosen = &level;
+  }
+  if (chosen == nullptr)
+    throw Error(ErrorKind::kBudget, file,
+                "no level is within an error of " + three_digits(most) + "% of the diagonal; the best has " +
+                    three_digits(least) + "%");
+  return chosen->name;
 }
 
 std::vector<std::size_t> choose_levels_by_bytes(std::span<const std::uint64_t> bytes, std::uint64_t most) {

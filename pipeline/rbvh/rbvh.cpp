@@ -1,5 +1,8 @@
 #include "pipeline/rbvh/rbvh.h"
 
+#include <algorithm>
+#include <limits>
+
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
@@ -32,6 +35,11 @@ double texel_side(const Level& level) {
     texels += count;
   }
   return texels > 0 ? sides / texels : 0;
+}
+
+double error_percent(const LevelFidelity& f) {
+  if (!f.measured || f.more.views == 0) return std::numeric_limits<double>::quiet_NaN();
+  return 100 * static_cast<double>(std::max(f.more.to_scan_rms, f.more.to_level_rms));
 }
 
 }  // namespace rbvh

@@ -61,6 +61,10 @@ struct LevelFidelity {
   LevelMeasures more{};
 };
 
+/// The larger of the two surface distances' RMS, in % of the diagonal: what a level is chosen by. NaN where
+/// it was not measured.
+double error_percent(const LevelFidelity& fidelity);
+
 struct Level {
   std::string name;       ///< "Q0" .. "Q4"
   float rho = 0;          ///< texels for the whole surface, normalised to area 1

@@ -143,6 +143,21 @@ std::vector<Camera> turntable(const Camera& base, Vec3d up, int count) {
   return cameras;
 }
 
+std::vector<Camera> place_cameras(const std::vector<CameraWords>& words, int turns, const Bounds3d& bounds,
+                                  Vec3d up_axis, double aspect) {
+  std::vector<Camera> cameras;
+  for (const CameraWords& w : words) {
+    const Camera camera = place_camera(w, bounds, up_axis, aspect);
+    if (turns <= 0) {
+      cameras.push_back(camera);
+      continue;
+    }
+    for (const Camera& turned : turntable(camera, w.view_up.value_or(up_axis), turns))
+      cameras.push_back(turned);
+  }
+  return cameras;
+}
+
 std::vector<Camera> views_around(const Bounds3d& bounds, Vec3d up_axis, int count, double aspect) {
   std::vector<Camera> cameras;
   for (int i = 0; i < count; ++i) {

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
 #include "pipeline/trace/camera_rays.h"
@@ -231,6 +232,10 @@ Image shown_image(Aov aov, const Image& data) {
     out[3] = found ? 1.f : 0.f;
   }
   return image;
+}
+
+std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::span<const Hit> hits) {
+  return value_colors(sample_layer_at_hits(level, layer, hits), sample_width(layer), layer.lo, layer.hi);
 }
 
 }  // namespace rbvh

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/rbvh/rbvh.h"
 #include "pipeline/trace/surface.h"
 #include "rbvh/image.h"
 #include "rbvh/render.h"
@@ -29,5 +30,8 @@ Image steps_image(const CameraRays& rays, std::span<const std::uint32_t> steps);
 /// The same for the eye: normals as colours, leaves in distinct colours, steps from blue (none) to yellow
 /// (the 99.9th percentile and more). Throws Error(kUsage) for depth and position, which 8 bits cannot hold.
 Image shown_image(Aov aov, const Image& data);
+
+/// The values of a user's layer as colours, for RenderConfig.colors: from the layer's lo to its hi.
+std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::span<const Hit> hits);
 
 }  // namespace rbvh

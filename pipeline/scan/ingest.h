@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -40,6 +41,9 @@ struct IngestReport {
   std::size_t vertices_out = 0, faces_out = 0, objects = 0;
   double area = 0;  ///< scan units squared
 };
+
+/// About how many bytes ingest() holds at once.
+std::uint64_t ingest_memory(const RawScan& scan);
 
 /// `file` is for messages. Throws Error(kInput) when nothing finite, no face with an area or no extent is
 /// left, and Error(kUsage) for what cannot be done to a mesh.

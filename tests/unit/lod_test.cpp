@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
+#include "pipeline/base/error.h"
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/check_rbvh.h"
 #include "pipeline/rbvh/level_surface.h"
@@ -29,6 +32,64 @@ TEST(Lod, TakesTheFinestSetThatFits) {
   EXPECT_EQ(choose_levels_by_bytes(bytes, 59), (Set{4}));
   EXPECT_EQ(choose_levels_by_bytes(bytes, 19), Set{});
   EXPECT_EQ(choose_levels_by_bytes({}, 19), Set{});
+}
+
+/// Levels without contents.
+Rbvh with_levels(std::initializer_list<const char*> names) {
+  Rbvh rbvh;
+  for (const LevelConfig& config : configs(names)) {
+    Level& level = rbvh.levels.emplace_back();
+    level.name = config.name;
+    level.rho = config.rho;
+  }
+  return rbvh;
+}
+
+ErrorKind kind_of_error(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    return error.kind();
+  }
+  ADD_FAILURE() << "no error";
+  return {};
+}
+
+TEST(Lod, LevelsAreChosenByName) {
+  using Names = std::vector<std::string>;
+  Rbvh rbvh = with_levels({"Q1", "Q3"});
+  EXPECT_EQ(choose_levels_by_name(rbvh, {}, {}, "a").names, (Names{"Q1", "Q3"}));
+  EXPECT_EQ(choose_levels_by_name(rbvh, {}, {"Q1"}, "a").names, Names{"Q3"});
+  const LevelChoice choice = choose_levels_by_name(rbvh, {"Q4", "Q3"}, {}, "a");
+  EXPECT_EQ(choice.names, (Names{"Q3", "Q4"}));
+  ASSERT_EQ(choice.derived.size(), 1u);
+  EXPECT_EQ(choice.derived[0].name, "Q4");
+  EXPECT_EQ(derivable_levels(rbvh, rbvh.levels[0]).size(), 2u);
+  EXPECT_EQ(derivable_levels(rbvh, rbvh.levels[1]).size(), 1u);
+  for (const auto& [wanted, dropped] : {std::pair<Names, Names>{{"Q0"}, {}},  // finer than what is there
+                                        {{"Q7"}, {}},
+                                        {{}, {"Q2"}},
+                                        {{}, {"Q1", "Q3"}}})
+    EXPECT_EQ(kind_of_error([&] { choose_levels_by_name(rbvh, wanted, dropped, "a"); }), ErrorKind::kUsage);
+  keep_levels(rbvh, {"Q3"});
+  EXPECT_EQ(level_names(rbvh), "Q3");
+}
+
+TEST(Lod, TheCoarsestLevelWithinAnErrorIsChosen) {
+  Rbvh rbvh = with_levels({"Q0", "Q1", "Q2"});
+  EXPECT_EQ(unmeasured_levels(rbvh).size(), 3u);
+  EXPECT_EQ(kind_of_error([&] { choose_level_by_error(rbvh, 1, "a"); }), ErrorKind::kInput);
+  float rms = 0.001f;
+  for (Level& level : rbvh.levels) {
+    level.fidelity.measured = true;
+    level.fidelity.more.views = 1;
+    level.fidelity.more.to_scan_rms = rms;
+    rms *= 2;
+  }
+  EXPECT_TRUE(unmeasured_levels(rbvh).empty());
+  EXPECT_EQ(choose_level_by_error(rbvh, 0.3, "a"), "Q1");  // percent
+  EXPECT_EQ(choose_level_by_error(rbvh, 9, "a"), "Q2");
+  EXPECT_EQ(kind_of_error([&] { choose_level_by_error(rbvh, 0.09, "a"); }), ErrorKind::kBudget);
 }
 
 TEST(Lod, TheScanOfALevelIsItsSurface) {

@@ -45,6 +45,20 @@ TEST(Obj, FacesMayComeBeforeTheirVertices) {
             std::string::npos);
 }
 
+TEST(Obj, EveryWordOfAVertexAndANormalIsANumber) {
+  const std::string face = "v 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  for (const char* statement : {"v 0 0 0 1 1 1 1 8 junk", "v 0 0 0 1 1 1 1 8 9 junk", "v 0 0 0 junk",
+                                "vn 0 0 1 junk", "vn 0 0 1 0 junk", "vn 0 0 1 0 5 junk"})
+    EXPECT_NE(input_error(std::string("v 0 0 0\n") + statement + "\n" + face, "a.obj")
+                  .find("line 2: 'junk' is not a number"),
+              std::string::npos)
+        << statement;
+  EXPECT_NE(input_error("v 0 0 0\nvn 0 0 1 0\n" + face, "a.obj").find("needs three numbers"),
+            std::string::npos);
+  EXPECT_EQ(parse_scan("v 0 0 0 1 1 1 1 8 9 10 # junk\nvn 0 0 1 # junk\n" + face, "a.obj").positions.size(),
+            3u);
+}
+
 TEST(Obj, WithoutFacesItIsACloud) {
   const RawScan scan = parse_scan("v 0 0 0\nvn 0 0 1\nv 1 0 0\nvn 0 1 0\n", "a.obj");
   EXPECT_TRUE(scan.triangles.empty());

@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "cli/name_template.h"
+#include "io/name_template.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
@@ -17,6 +17,19 @@ bool is_refused(const std::function<void()>& work) {
     return error.kind() == ErrorKind::kUsage;
   }
   return false;
+}
+
+constexpr std::pair<std::string_view, int> kChoices[] = {{"one", 1}, {"two", 2}};
+
+TEST(Parse, NumbersInARangeAndChoices) {
+  EXPECT_EQ(parse_between("0.5", 0, 1), 0.5);
+  EXPECT_EQ(parse_above_zero("1e-3"), 1e-3);
+  for (const char* text : {"-0.1", "1.5", "nan", ""})
+    EXPECT_TRUE(is_refused([text] { parse_between(text, 0, 1); })) << text;
+  for (const char* text : {"0", "-1", "nan"})
+    EXPECT_TRUE(is_refused([text] { parse_above_zero(text); })) << text;
+  EXPECT_EQ(parse_choice<kChoices>("two"), 2);
+  EXPECT_TRUE(is_refused([] { parse_choice<kChoices>("three"); }));
 }
 
 TEST(Parse, Numbers) {

@@ -1,4 +1,4 @@
-#include "cli/name_template.h"
+#include "io/name_template.h"
 
 #include <algorithm>
 

@@ -1,0 +1,27 @@
+#include "io/load_source.h"
+
+#include <filesystem>
+
+#include "io/hash.h"
+#include "io/input_file.h"
+#include "io/proxy_file.h"
+#include "io/scan_io.h"
+#include "pipeline/scan/ingest.h"
+
+namespace rbvh {
+
+SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
+  refuse_proxy(path);
+  const InputBytes bytes = read_input(path);
+  check_budget(memory, std::uint64_t{bytes.size} * 3, path, "reading it");
+  SourceScan source{{}, source_name(path), hash_bytes(bytes.view())};
+  source.scan = shift_to_float(parse_scan(bytes.view(), path));
+  check_usable(source.scan, path);
+  return source;
+}
+
+std::string source_name(const std::string& path) {
+  return path == "-" ? "stdin" : std::filesystem::path(path).filename().string();
+}
+
+}  // namespace rbvh

@@ -1,0 +1,24 @@
+// Reads the scan that a pair or a proxy is made of, as its file has it: nothing is cleaned or completed.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "pipeline/base/memory_budget.h"
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+struct SourceScan {
+  Scan scan;
+  std::string name;        ///< of the file, without folders; "stdin" for "-"
+  std::uint64_t hash = 0;  ///< of its bytes
+};
+
+/// Throws Error(kInput), also where nothing finite is left or all points are equal; Error(kBudget).
+SourceScan load_source(const std::string& path, const MemoryBudget& memory = {});
+
+/// How a pair or a proxy names the file that it was made of: SourceScan.name.
+std::string source_name(const std::string& path);
+
+}  // namespace rbvh

@@ -1,0 +1,119 @@
+#include "io/report_text.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <utility>
+
+#include "pipeline/base/text.h"
+
+namespace rbvh {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// "3 duplicate faces, 1 ..."; the ones that are not zero.
+std::string list_counts(const std::vector<std::pair<std::size_t, const char*>>& counts) {
+  std::string text;
+  for (const auto& [count, noun] : counts)
+    if (count > 0) text += (text.empty() ? "" : ", ") + counted(count, noun);
+  return text;
+}
+
+}  // namespace
+
+std::string fidelity_table(const Json& list) {
+  struct Row {
+    const char *name, *pointer, *format;
+  };
+  static const Row kRows[] = {
+      {"holes (worst view)", "/worst_view/holes", "{}"},
+      {"leaks (worst view)", "/worst_view/leaks", "{}"},
+      {"walls (worst view)", "/worst_view/walls", "{}"},
+      {"mask mismatch, % of pixels", "/mask_mismatch_percent", "{:.3f}"},
+      {"  of it at the silhouette, %", "/mismatch_at_silhouette_percent", "{:.1f}"},
+      {"|dt| / diagonal: median", "/dt/median", "{:.1e}"},
+      {"  p99", "/dt/p99", "{:.1e}"},
+      {"  p99.9", "/dt/p99.9", "{:.1e}"},
+      {"normal angle: median, degrees", "/normal_degrees/median", "{:.2f}"},
+      {"  p95", "/normal_degrees/p95", "{:.2f}"},
+      {"image RMSE", "/image/rmse", "{:.4f}"},
+      {"  control: exact, jittered", "/image_control/rmse", "{:.4f}"},
+      {"  over the control's", "/image_relative", "{:.2f}"},
+      {"image PSNR, dB", "/image/psnr", "{:.1f}"},
+      {"  control", "/image_control/psnr", "{:.1f}"},
+      {"image SSIM", "/image/ssim", "{:.4f}"},
+      {"  control", "/image_control/ssim", "{:.4f}"},
+      {"level to scan: rms, % of diagonal", "/level_to_scan/rms_percent", "{:.4f}"},
+      {"  max, % of diagonal", "/level_to_scan/max_percent", "{:.3f}"},
+      {"  max, texels", "/level_to_scan/max_texels", "{:.1f}"},
+      {"scan to level: rms, % of diagonal", "/scan_to_level/rms_percent", "{:.4f}"},
+      {"  max, % of diagonal", "/scan_to_level/max_percent", "{:.3f}"},
+      {"  max, texels", "/scan_to_level/max_texels", "{:.1f}"},
+  };
+  std::string text = fmt::format("{:<36}", "");
+  for (const Json& f : list) text += fmt::format("{:>10}", f["level"].get<std::string>());
+  text += "\n";
+  for (const Row& row : kRows) {
+    text += fmt::format("{:<36}", row.name);
+    for (const Json& f : list) {
+      const Json& value = f.at(Json::json_pointer(row.pointer));
+      const std::string shown = value.is_null() ? "-"
+                                : value.is_number_integer()
+                                    ? value.dump()
+                                    : fmt::format(fmt::runtime(row.format), value.get<double>());
+      text += fmt::format("{:>10}", shown);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string distance_text(const Json& distance) {
+  std::string text;
+  for (const auto& [name, value] : distance.items())
+    text += fmt::format("{}: rms {:.4f}%, max {:.3f}% of the diagonal\n", name,
+                        value["rms_percent"].get<double>(), value["max_percent"].get<double>());
+  return text;
+}
+
+std::string file_line(const Json& json) {
+  std::string text;
+  for (const std::string noun :
+       {"object", "instance", "level", "leaf", "patch", "texel", "vertex", "triangle"})
+    if (const auto count = json.find(plural(noun)); count != json.end())
+      text += (text.empty() ? "" : ", ") + counted(count->get<std::uint64_t>(), noun);
+  return json["file"].get<std::string>() + ": whole (" + text + ")\n";
+}
+
+std::vector<std::string> ingest_lines(const std::string& output, const IngestReport& counts,
+                                      const Scan& scan) {
+  std::vector<std::string> lines;
+  const CleanCounts& gone = counts.cleaned;
+  std::string made =
+      scan.is_cloud() ? counted(counts.vertices_out, "point")
+                      : counted(counts.faces_out, "triangle") + ", " + counted(counts.vertices_out, "vertex");
+  if (counts.objects > 1) made += ", " + counted(counts.objects, "object");
+  lines.push_back(output + ": " + made);
+  const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertex"},
+                                           {gone.non_finite_faces, "non-finite face"},
+                                           {gone.duplicate_vertices, "duplicate vertex"},
+                                           {gone.duplicate_faces, "duplicate face"},
+                                           {gone.zero_area_faces, "zero-area face"},
+                                           {gone.unreferenced_vertices, "unreferenced vertex"},
+                                           {counts.outliers, "outlier"},
+                                           {counts.thinned, "thinned point"},
+                                           {counts.small_components.components, "small component"}});
+  if (!removed.empty()) lines.push_back("removed: " + removed);
+  const std::string added = list_counts({{counts.cloud.normals_estimated, "normal"},
+                                         {counts.cloud.normals_by_viewpoint, "viewpoint-facing normal"},
+                                         {counts.mesh_normals_completed, "vertex normal"},
+                                         {counts.cloud.radii_estimated, "radius"}});
+  if (!added.empty()) lines.push_back("estimated: " + added);
+  if (scan.shift != Vec3d{}) {
+    const nlohmann::json shift = {scan.shift.x, scan.shift.y, scan.shift.z};
+    lines.push_back("shifted: original coordinates are these plus " + shift.dump());
+  }
+  return lines;
+}
+
+}  // namespace rbvh

@@ -1,0 +1,35 @@
+// What a build was asked for: the names of its choices, and the record of them that the pair keeps.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "pipeline/rbvh/build.h"
+
+namespace rbvh {
+
+inline constexpr std::pair<std::string_view, Refinement> kRefinements[] = {
+    {"area", Refinement::kProjectedArea}, {"cone", Refinement::kConeOfNormals}};
+inline constexpr std::pair<std::string_view, SplitRule> kSplitRules[] = {
+    {"median", SplitRule::kSpatialMedian}, {"sah", SplitRule::kSurfaceArea}};
+inline constexpr std::pair<std::string_view, PartitionWhere> kPartitionPlaces[] = {
+    {"device", PartitionWhere::kDevice}, {"host", PartitionWhere::kHost}};
+inline constexpr std::pair<std::string_view, RaysKind> kRayKinds[] = {{"coherent", RaysKind::kCoherent},
+                                                                      {"incoherent", RaysKind::kIncoherent}};
+inline constexpr std::pair<std::string_view, Hybrid> kHybrids[] = {
+    {"off", Hybrid::kOff}, {"auto", Hybrid::kAuto}, {"always", Hybrid::kAlways}};
+
+/// Layers made of the scan's vertex properties.
+struct LayerWords {
+  std::vector<std::string> names;
+  double scale = 1;  ///< their texels to one of the heights'
+};
+
+/// The JSON object that Rbvh.build_options holds.
+std::string build_options_json(const BuildConfig& config, const std::optional<FocusWords>& focus = {},
+                               const LayerWords& layers = {});
+
+}  // namespace rbvh
