@@ -5,7 +5,12 @@
 #define RBVH_LANES_H
 
 // PoCL's compiler passes vectors of 16 through memory where it does not inline.
+#ifdef NO_FORCED_INLINING  // Oclgrind does not know what clang leaves of inlined functions that return
+                           // structs
+#define ALWAYS_INLINE inline
+#else
 #define ALWAYS_INLINE inline __attribute__((always_inline))
+#endif
 
 // A scalar comparison is one lane.
 static inline uint lane_bits1(int lane) { return lane != 0 ? 1u : 0u; }
