@@ -1,9 +1,8 @@
 #include "io/check_file.h"
 
-#include "pipeline/scene/asset_content.h"
-
 #include "io/scan_io.h"
 #include "io/scene_file.h"
+#include "pipeline/scene/asset_content.h"
 
 namespace rbvh {
 namespace {

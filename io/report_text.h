@@ -19,8 +19,7 @@ std::string fidelity_table(const nlohmann::ordered_json& levels);
 std::string distance_text(const nlohmann::ordered_json& distance);
 
 /// What is left, what was removed, what was estimated and by how much positions were shifted: one to four
-/// lines, of the counts that are not zero.
-/// `output` names what was written.
+/// lines, of the counts that are not zero. `output` names what was written.
 std::vector<std::string> ingest_lines(const std::string& output, const IngestReport& counts,
                                       const Scan& scan);
 

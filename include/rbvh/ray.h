@@ -37,8 +37,7 @@ typedef struct Hit {
   float t;          // +infinity: nothing
   float normal[3];  // geometric, unit, unflipped
   float u, v;
-  rbvh_u32
-      leaf;  // index of the leaf (tile), or of the triangle or disc for an exact scan; RBVH_NO_LEAF: nothing
+  rbvh_u32 leaf;   // index of the tile, or of an exact scan's triangle or disc; RBVH_NO_LEAF: nothing
   rbvh_u32 flags;  // RBVH_HIT_*
 } Hit;
 RBVH_LAYOUT_SIZE(Hit, 32);

@@ -69,11 +69,10 @@ struct TracerConfig {
   /// covers. Ignored for other assets.
   std::string level;
   float spread = 0;  ///< of "auto": the width of rays that are not a camera's over their length
-  std::string traversal,
-      builder;  ///< of scans, by the names that `rbvh render --tracer list` prints; empty: default
-  std::uint64_t patch_cache_bytes = std::uint64_t{256}
-                                    << 20;  ///< of proxies' hierarchies on the device at once
-  double pixels = 1;                        ///< of a camera, that a proxy's micro-quad measures
+  /// Of scans, by name, such as "bvh-trail" and "lbvh"; empty: wide nodes, and the first builder that fits.
+  std::string traversal, builder;
+  std::uint64_t patch_cache_bytes = 256u << 20;  ///< of proxies' hierarchies on the device at once
+  double pixels = 1;                             ///< of a camera, that a proxy's micro-quad measures
 };
 
 /// `asset` must outlive the tracer. Throws Error(kUsage) for a level or method that is not there,
