@@ -102,7 +102,7 @@ void run_build(Context& context, const BuildOptions& options) {
   auto& report = context.report;
   report["device"] = device_json(device.info());
   report["timings"] = {
-      {"load", load_seconds},           {"build", build_seconds},         {"upload", timings.upload},
+      {"load", load_seconds},           {"build", build_seconds},         {"simplify", timings.simplify}, {"upload", timings.upload},
       {"partition", timings.partition}, {"rasterize", timings.rasterize}, {"pack", timings.pack},
       {"layers", layer_seconds},        {"measure", measure_seconds},     {"write", write_seconds}};
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};

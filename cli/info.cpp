@@ -59,7 +59,7 @@ std::string pair_text(const Json& json) {
     text += fmt::format(
         "{:<6} {:>8.6g}  {:>5.3g}  {:>3.3g} {:>8} {:>8} {:>8} {:>12}  {:>3.0f}% {:>10} {:>14}  {}\n",
         string(level["name"]), level["rho"].get<double>(), level["alpha"].get<double>(),
-        level["phi_degrees"].get<double>(), level["leaves"].dump(), level["exact_leaves"].dump(),
+        level["phi_degrees"].get<double>(), level["leaves"].dump(), level["primitive_leaves"].dump(),
         level["nodes"].dump(), fmt::format("{} x {}", width, height),
         100 * level["texels_used"].get<double>() / static_cast<double>(width * height), bytes(level["bytes"]),
         each.is_null() ? "-" : fmt::format("{:.3g} B", each.get<double>()), layers);

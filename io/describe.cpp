@@ -12,6 +12,7 @@
 #include "io/scene_file.h"
 #include "pipeline/measure/measure_json.h"
 #include "pipeline/proxy/proxy_surface.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/scene/asset_content.h"
 
 namespace rbvh {
@@ -52,8 +53,8 @@ Json level_json(const Level& level, std::uint64_t primitives) {
                {"phi_degrees", float_json(level.phi_degrees)},
                {"nodes", level.nodes.size()},
                {"leaves", level.leaves.size()},
-               {"exact_leaves", level.exact_leaves.size()},
-               {"exact_primitives", level.exact_primitives.size()},
+               {"primitive_leaves", level.primitive_leaves.size()},
+               {"primitives", primitive_count(level)},
                {"atlas", {level.atlas_width, level.atlas_height}},
                {"texels_used", level.texels_used},
                {"bytes", level.stored_bytes},

@@ -2,13 +2,12 @@
 // a seal: length, hash and version. Nothing but the seal is read before it has been verified.
 #include "io/rbvh_file.h"
 
-// FlatBuffers would stop at 32: nodes and leaves shall not straddle cache lines where the file is mapped.
-#define FLATBUFFERS_MAX_ALIGNMENT 64
 #include <flatbuffers/flatbuffers.h>
 #include <xxhash.h>
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -18,7 +17,10 @@
 #include "io/atlas_file.h"
 #include "io/hash.h"
 #include "io/input_file.h"
+#include "io/level_codec.h"
 #include "io/output_file.h"
+#include "io/rbvh_file_v1.h"
+#include "io/rbvh_tables.h"
 #include "io/shallow_json.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/text.h"
@@ -29,12 +31,7 @@
 namespace rbvh {
 namespace {
 
-static_assert(sizeof(file::Node) == sizeof(RbvhNode) && sizeof(file::Leaf) == sizeof(RbvhLeaf) &&
-              sizeof(file::ExactLeaf) == sizeof(RbvhExactLeaf) &&
-              sizeof(file::Primitive) == sizeof(RbvhPrimitive) &&
-              sizeof(file::LayerTile) == sizeof(LayerTile) &&
-              sizeof(file::Measures) == sizeof(LevelMeasures));
-constexpr std::size_t kAlignment = 64;
+static_assert(sizeof(file::LayerTile) == sizeof(LayerTile) && sizeof(file::Measures) == sizeof(LevelMeasures));
 constexpr std::size_t kSealHashAt = 8;  // in file::Seal
 constexpr int kMaxBuildOptionsDepth = 32;
 constexpr const char* kRebuild = "; build the pair again";
@@ -83,65 +80,42 @@ const file::Seal& check_seal(std::span<const std::byte> bytes, const std::string
   const auto* at = reinterpret_cast<const std::uint8_t*>(&seal) + kSealHashAt;
   if (seal.hash() != hash_sealed(bytes, static_cast<std::size_t>(at - data)))
     refuse(path, "is damaged: its bytes do not have the hash that it carries" + std::string(kRebuild));
-  if (seal.major() != kFormatMajor)
+  if (seal.major() < 1 || seal.major() > kFormatMajor)
     refuse(path, "is of format version " + std::to_string(seal.major()) + "." + std::to_string(seal.minor()) +
                      ", " + (seal.major() > kFormatMajor ? "newer than" : "not") + " the " +
-                     std::to_string(kFormatMajor) + ".x that this rbvh reads; use a " +
+                     std::to_string(kFormatMajor) + ".x and older that this rbvh reads; use a " +
                      (seal.major() > kFormatMajor ? "newer" : "matching") +
                      " rbvh, or build the pair again with this one");
   return seal;
 }
 
-Bounds3f to_bounds(const file::Bounds& b) {
-  return {{b.lo()->Get(0), b.lo()->Get(1), b.lo()->Get(2)}, {b.hi()->Get(0), b.hi()->Get(1), b.hi()->Get(2)}};
-}
-
 template <class To, class From>
-std::vector<To> to_vector(const flatbuffers::Vector<const From*>* from) {
-  std::vector<To> to(from != nullptr ? from->size() : 0);
-  if (!to.empty()) std::memcpy(to.data(), from->Data(), to.size() * sizeof(To));
-  return to;
+std::vector<To> to_vector(const flatbuffers::Vector<From>* from) {
+  return from != nullptr ? std::vector<To>(from->begin(), from->end()) : std::vector<To>();
 }
 
-/// Of the vectors that a level has in the file.
-std::uint64_t hierarchy_bytes(const Level& level) {
-  std::uint64_t bytes = level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) +
-                        level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
-                        level.exact_primitives.size() * sizeof(RbvhPrimitive);
-  for (const Layer& layer : level.layers) bytes += layer.tiles.size() * sizeof(LayerTile);
-  return bytes;
-}
-
-Level to_level(const file::Level& from) {
+Level to_level(const file::Level& from, double area, const std::string& path) {
   Level level;
-  level.name = from.name()->str();
-  level.rho = from.rho();
-  level.alpha = from.alpha();
-  level.phi_degrees = from.phi_degrees();
-  level.bounds = to_bounds(*from.bounds());
-  level.nodes = to_vector<RbvhNode>(from.nodes());
-  level.leaves = to_vector<RbvhLeaf>(from.leaves());
-  level.exact_leaves = to_vector<RbvhExactLeaf>(from.exact_leaves());
-  level.exact_primitives = to_vector<RbvhPrimitive>(from.exact_primitives());
-  level.exact_discs = from.exact_discs();
-  level.atlas_width = from.atlas_width();
-  level.atlas_height = from.atlas_height();
-  for (const file::Layer* layer : *from.layers())
-    level.layers.push_back({layer->name()->str(),
-                            layer->channels(),
-                            {},
-                            layer->lo(),
-                            layer->hi(),
-                            layer->width(),
-                            layer->height(),
-                            to_vector<LayerTile>(layer->tiles())});
-  level.texels_used = from.texels_used();
-  if (const file::Fidelity* f = from.fidelity())
-    level.fidelity = {
-        f->mask_mismatch_percent(), f->median_dt(), f->p99_dt(), f->holes(), f->leaks(), f->walls(), true};
-  if (const file::Measures* more = from.measures()) level.fidelity.more = std::bit_cast<LevelMeasures>(*more);
-  if (from.derived_from() != nullptr) level.derived_from = from.derived_from()->str();
-  level.stored_bytes = hierarchy_bytes(level) + from.atlas_bytes();
+  take_level(from, level);
+  level.error = from.error();
+  const file::LeafGrid& grid = *from.grid();
+  level.grid = {to_vec3f(*grid.origin()), grid.frame_step(), grid.box_step()};
+  level.lattice = {to_vec3f(*from.lattice()->origin()), from.lattice()->step()};
+  const file::Streams& s = *from.streams();
+  const LevelStreams streams{
+      .tree = to_vector<std::uint8_t>(s.tree()),
+      .leaves = to_vector<std::uint8_t>(s.leaves()),
+      .positions = to_vector<std::uint8_t>(s.positions()),
+      .normals = to_vector<std::uint8_t>(s.normals()),
+      .colors = to_vector<std::uint8_t>(s.colors()),
+      .radii = to_vector<std::uint8_t>(s.radii()),
+      .triangles = to_vector<std::uint8_t>(s.triangles()),
+  };
+  const file::Counts& c = *from.counts();
+  for (const float step : {level.grid.frame_step, level.grid.box_step, level.lattice.step})
+    if (!(step >= 0 && step <= kLargestValue)) refuse(path, "is malformed: a grid's step is no number" + std::string(kRebuild));
+  decode_streams(streams, {c.leaves(), c.primitive_leaves(), c.vertices(), c.triangles()}, area, path, level);
+  level.stored_bytes = stream_bytes(streams) + layer_tile_bytes(level) + from.atlas_bytes();
   return level;
 }
 
@@ -156,12 +130,10 @@ bool fits_file(const file::Pair& pair, std::uint64_t file_bytes) {
   std::uint64_t bytes = 0;
   for (const file::Level* level : *pair.levels()) {
     if (level->layers()->size() > kMaxLayers) return false;
-    bytes += std::uint64_t{level->nodes()->size()} * sizeof(RbvhNode) +
-             std::uint64_t{level->leaves()->size()} * sizeof(RbvhLeaf);
-    if (level->exact_leaves() != nullptr)
-      bytes += std::uint64_t{level->exact_leaves()->size()} * sizeof(RbvhExactLeaf);
-    if (level->exact_primitives() != nullptr)
-      bytes += std::uint64_t{level->exact_primitives()->size()} * sizeof(RbvhPrimitive);
+    const file::Streams& s = *level->streams();
+    for (const auto* stream :
+         {s.tree(), s.leaves(), s.positions(), s.normals(), s.colors(), s.radii(), s.triangles()})
+      if (stream != nullptr) bytes += stream->size();
     for (const file::Layer* layer : *level->layers())
       if (layer->tiles() != nullptr) bytes += std::uint64_t{layer->tiles()->size()} * sizeof(LayerTile);
   }
@@ -175,24 +147,28 @@ file::Bounds from_bounds(const Bounds3f& b) {
   return {flatbuffers::span<const float, 3>(lo), flatbuffers::span<const float, 3>(hi)};
 }
 
-template <class To, class From>
-flatbuffers::Offset<flatbuffers::Vector<const To*>> add_structs(flatbuffers::FlatBufferBuilder& builder,
-                                                                const std::vector<From>& from) {
-  builder.ForceVectorAlignment(from.size(), sizeof(To), kAlignment);
-  return builder.CreateVectorOfStructs(reinterpret_cast<const To*>(from.data()), from.size());
+flatbuffers::Offset<file::Streams> add_streams(flatbuffers::FlatBufferBuilder& builder,
+                                               const LevelStreams& streams) {
+  const auto add = [&](const std::vector<std::uint8_t>& bytes) { return builder.CreateVector(bytes); };
+  const auto add_some = [&](const std::vector<std::uint8_t>& bytes) {
+    return bytes.empty() ? flatbuffers::Offset<flatbuffers::Vector<std::uint8_t>>() : add(bytes);
+  };
+  const auto tree = add(streams.tree), leaves = add(streams.leaves), positions = add_some(streams.positions),
+             normals = add_some(streams.normals), colors = add_some(streams.colors),
+             radii = add_some(streams.radii), triangles = add_some(streams.triangles);
+  return file::CreateStreams(builder, tree, leaves, positions, normals, colors, radii, triangles);
 }
 
 flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& builder, const Level& level,
-                                           std::uint64_t atlas_bytes) {
-  const auto nodes = add_structs<file::Node>(builder, level.nodes);
-  const auto leaves = add_structs<file::Leaf>(builder, level.leaves);
-  const bool exact = !level.exact_leaves.empty();
-  const auto exact_leaves = exact ? add_structs<file::ExactLeaf>(builder, level.exact_leaves) : 0;
-  const auto exact_primitives = exact ? add_structs<file::Primitive>(builder, level.exact_primitives) : 0;
+                                           const LevelStreams& streams, std::uint64_t atlas_bytes) {
+  const auto stream_table = add_streams(builder, streams);
   std::vector<flatbuffers::Offset<file::Layer>> layers;
   for (const Layer& layer : level.layers) {
     const auto layer_name = builder.CreateString(layer.name);
-    const auto tiles = layer.tiles.empty() ? 0 : add_structs<file::LayerTile>(builder, layer.tiles);
+    flatbuffers::Offset<flatbuffers::Vector<const file::LayerTile*>> tiles;
+    if (!layer.tiles.empty())
+      tiles = builder.CreateVectorOfStructs(reinterpret_cast<const file::LayerTile*>(layer.tiles.data()),
+                                            layer.tiles.size());
     layers.push_back(file::CreateLayer(builder, layer_name, layer.channels, layer.lo, layer.hi, layer.width,
                                        layer.height, tiles));
   }
@@ -200,22 +176,29 @@ flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& build
   const auto name = builder.CreateString(level.name);
   const auto derived_from = level.derived_from.empty() ? 0 : builder.CreateString(level.derived_from);
   const file::Bounds bounds = from_bounds(level.bounds);
+  const LevelCounts counts = level_counts(level);
+  const file::Counts counts_there(counts.leaves, counts.primitive_leaves, counts.vertices, counts.triangles);
+  const auto origin = [](const Vec3f& v) { return flatbuffers::span<const float, 3>(&v.x, 3); };
+  const file::LeafGrid grid(origin(level.grid.origin), level.grid.frame_step, level.grid.box_step);
+  const file::Lattice lattice(origin(level.lattice.origin), level.lattice.step);
   const LevelFidelity& f = level.fidelity;
   const file::Fidelity fidelity(f.mask_mismatch_percent, f.median_dt, f.p99_dt, f.holes, f.leaks, f.walls);
   const auto measures = std::bit_cast<file::Measures>(f.more);
-  return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, &bounds, nodes, leaves,
-                           level.atlas_width, level.atlas_height, layer_vector, level.texels_used,
-                           atlas_bytes, f.measured ? &fidelity : nullptr, exact_leaves, exact_primitives,
-                           exact && level.exact_discs, f.more.views > 0 ? &measures : nullptr, derived_from);
+  return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, level.error, &bounds,
+                           &counts_there, &grid, &lattice, stream_table, level.atlas_width,
+                           level.atlas_height, layer_vector, level.texels_used, atlas_bytes,
+                           f.measured ? &fidelity : nullptr, f.more.views > 0 ? &measures : nullptr,
+                           derived_from);
 }
 
 flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atlas_length,
                                              std::uint64_t atlas_hash,
-                                             const std::vector<std::uint64_t>& level_atlas_bytes) {
+                                             std::span<const LevelStreams> streams,
+                                             std::span<const std::uint64_t> level_atlas_bytes) {
   flatbuffers::FlatBufferBuilder builder(1 << 20);
   std::vector<flatbuffers::Offset<file::Level>> levels;
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
-    levels.push_back(add_level(builder, rbvh.levels[i], level_atlas_bytes[i]));
+    levels.push_back(add_level(builder, rbvh.levels[i], streams[i], level_atlas_bytes[i]));
   const auto level_vector = builder.CreateVector(levels);
   const RbvhSource& s = rbvh.source;
   const auto source_name = builder.CreateString(s.name), units = builder.CreateString(s.units);
@@ -273,27 +256,30 @@ Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path,
   const file::Seal& seal = check_seal(bytes, path);
   const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
   flatbuffers::Verifier verifier(data, bytes.size(), /*max_depth=*/8,
-                                 /*max_tables=*/1 + 2 + kMaxLevels * (1 + kMaxLayers));
-  if (!file::VerifyPairBuffer(verifier))
-    refuse(path, "is malformed: its tables do not hang together" + std::string(kRebuild));
-  const file::Pair& pair = *file::GetPair(data);
-  if (!fits_file(pair, bytes.size()))
-    refuse(path, "is malformed: it claims more levels, layers, nodes or leaves than it has room for" +
-                     std::string(kRebuild));
-
+                                 /*max_tables=*/1 + 2 + kMaxLevels * (2 + kMaxLayers));
   Rbvh rbvh;
-  const file::Source& source = *pair.source();
-  rbvh.source = {source.name()->str(),  source.hash(),
-                 source.vertices(),     source.triangles(),
-                 source.area(),         {source.shift()->x(), source.shift()->y(), source.shift()->z()},
-                 source.units()->str(), to_bounds(*source.bounds())};
-  rbvh.build_options = pair.build_options()->str();
-  for (const file::Level* level : *pair.levels()) rbvh.levels.push_back(to_level(*level));
+  if (seal.major() == 1) {
+    rbvh = decode_hierarchy_v1(bytes, verifier, path, header);
+  } else {
+    if (!file::VerifyPairBuffer(verifier))
+      refuse(path, "is malformed: its tables do not hang together" + std::string(kRebuild));
+    const file::Pair& pair = *file::GetPair(data);
+    if (!fits_file(pair, bytes.size()))
+      refuse(path, "is malformed: it claims more levels, layers, nodes or leaves than it has room for" +
+                       std::string(kRebuild));
+    take_pair(pair, rbvh, header);
+    if (!(rbvh.source.area >= 0) || !std::isfinite(rbvh.source.area))
+      refuse(path, "is malformed: the source has an area that is not finite" + std::string(kRebuild));
+    for (const file::Level* level : *pair.levels())
+      rbvh.levels.push_back(to_level(*level, rbvh.source.area, path));
+  }
   if (!are_build_options(rbvh.build_options))
     refuse(path, "is malformed: its build options are no JSON object" + std::string(kRebuild));
   if (const auto fault = find_fault(rbvh)) refuse(path, "is malformed: " + *fault + kRebuild);
-  header = {seal.major(), seal.minor(),           seal.length(),
-            seal.hash(),  pair.atlas()->length(), pair.atlas()->hash()};
+  header.major = seal.major();
+  header.minor = seal.minor();
+  header.hierarchy_bytes = seal.length();
+  header.hierarchy_hash = seal.hash();
   return rbvh;
 }
 
@@ -321,6 +307,7 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<
     refuse(atlas_name, "belongs to another pair than " + path +
                            ", or is damaged: it does not have the length and the hash named there");
   decode_atlas(bytes_of(atlas), atlas_name, rbvh);
+  if (head.major == 1) give_vertices_attributes(rbvh);
   return rbvh;
 }
 
@@ -330,6 +317,8 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
   if (!fault && !are_build_options(rbvh.build_options)) fault = "the build options are no JSON object";
   if (fault) throw Error(ErrorKind::kFailure, path, "would be malformed: " + *fault + "; please report this");
 
+  std::vector<LevelStreams> streams;
+  for (const Level& level : rbvh.levels) streams.push_back(encode_streams(level, path));
   OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
   refuse_special(path, hierarchy);
   refuse_special(atlas.path(), atlas);
@@ -340,10 +329,11 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
     const InputBytes written = read_input(atlas.temporary_path());
     check_written(bytes_of(written), atlas.path(), rbvh);
     bytes.atlas = written.size;
-    buffer = encode_hierarchy(rbvh, written.size, hash_bytes(written.view()), bytes.levels);
+    buffer = encode_hierarchy(rbvh, written.size, hash_bytes(written.view()), streams, bytes.levels);
   }
   bytes.hierarchy = buffer.size();
-  for (std::size_t i = 0; i < rbvh.levels.size(); ++i) bytes.levels[i] += hierarchy_bytes(rbvh.levels[i]);
+  for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
+    bytes.levels[i] += stream_bytes(streams[i]) + layer_tile_bytes(rbvh.levels[i]);
   if (bytes.hierarchy + bytes.atlas > most_bytes) return bytes;
   hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
 

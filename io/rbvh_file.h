@@ -13,8 +13,9 @@
 
 namespace rbvh {
 
-/// Version of the format that write_rbvh() writes. read_rbvh() reads every minor version of this major one.
-inline constexpr std::uint16_t kFormatMajor = 1, kFormatMinor = 2;
+/// Version of the format that write_rbvh() writes. read_rbvh() reads every minor version of this major one and
+/// of 1.
+inline constexpr std::uint16_t kFormatMajor = 2, kFormatMinor = 0;
 
 /// The atlas that belongs to an .rbvh path: beside it, by stem.
 std::string atlas_path(const std::string& rbvh_path);

@@ -63,7 +63,7 @@ Json levels_json(const Rbvh& rbvh, const BuildTimings& timings) {
     const Level& level = rbvh.levels[i];
     list.push_back({{"name", level.name},
                     {"leaves", level.leaves.size()},
-                    {"exact_leaves", level.exact_leaves.size()},
+                    {"primitive_leaves", level.primitive_leaves.size()},
                     {"texels", std::uint64_t{level.atlas_width} * level.atlas_height},
                     {"texels_used", level.texels_used},
                     {"seconds", timings.levels[i].seconds},

@@ -20,6 +20,7 @@ struct LevelConfig {
   float rho;          ///< texels per unit of normalised area
   float alpha;        ///< least projected area over area
   float phi_degrees;  ///< widest half-angle of the cone of normals
+  float error = 0;    ///< between its surface and the scan's, rms, of the scan's diagonal; 0: the density alone decides
 };
 
 /// Q0 (finest) to Q4.
@@ -64,7 +65,7 @@ struct BuildConfig {
 
 /// For reports: seconds by phase, summed over levels.
 struct BuildTimings {
-  double upload = 0, partition = 0, rasterize = 0, pack = 0;
+  double simplify = 0, upload = 0, partition = 0, rasterize = 0, pack = 0;
   struct PerLevel {
     std::string name;
     double seconds = 0;

@@ -28,17 +28,19 @@ typedef struct Ray {
 RBVH_LAYOUT_SIZE(Ray, 32);
 
 #define RBVH_HIT_BACK_FACE 1u      // the ray came from behind the surface
-#define RBVH_HIT_TRIANGLE_LEAF 2u  // an exact primitive was hit, not a tile
+#define RBVH_HIT_TRIANGLE_LEAF 2u  // a triangle or disc was hit, not a tile
+#define RBVH_HIT_FLAGS 3u          // all of these
+#define RBVH_HIT_PRIMITIVE 8       // flags >> this: which of the primitives of a pair's leaf was hit
 #define RBVH_NO_LEAF 0xffffffffu
 
 // What a ray found. u, v: in [0,1] across the tile, barycentric in the triangle, or disc coordinates in
-// [-1,1], of an exact scan.
+// [-1,1].
 typedef struct Hit {
   float t;          // +infinity: nothing
   float normal[3];  // geometric, unit, unflipped
   float u, v;
   rbvh_u32 leaf;   // index of the tile, or of an exact scan's triangle or disc; RBVH_NO_LEAF: nothing
-  rbvh_u32 flags;  // RBVH_HIT_*
+  rbvh_u32 flags;  // RBVH_HIT_*, and above them the leaf's primitive
 } Hit;
 RBVH_LAYOUT_SIZE(Hit, 32);
 

@@ -109,6 +109,16 @@ static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at)
   return block_vector(blocks, at, 3);
 }
 
+// Of the ray's point at t, across the disc: -1 to 1.
+static inline float2 place_on_disc(__global const PrimitiveBlock* blocks, uint at, float3 origin,
+                                   float3 direction, float t) {
+  const float3 r = (t * direction - (block_vector(blocks, at, 0) - origin)) /
+                   blocks[at / PRIMITIVE_BLOCK_WIDTH].rows[6][at % PRIMITIVE_BLOCK_WIDTH];
+  float3 x, y;
+  disc_frame(unit_normal(blocks, at), &x, &y);
+  return (float2)(dot(r, x), dot(r, y));
+}
+
 static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block, const Query* q,
                                           Found* found) {
   __global const PrimitiveBlock* b = blocks + block;
@@ -119,14 +129,10 @@ static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks,
   const int8 inside = intersect_discs8(centre, normal, vload8(0, b->rows[6]), q->direction, &t);
   const uint mask = lane_bits8(inside & (t >= q->tmin) & (t <= found->t));
   if (mask == 0 || !take_nearest(mask, t, t, t, blocks, block, found)) return false;
-  const float3 origin = (float3)(q->origin[0], q->origin[1], q->origin[2]);
-  const float3 direction = (float3)(q->direction[0], q->direction[1], q->direction[2]);
-  const float3 r = (found->t * direction - (block_vector(blocks, found->at, 0) - origin)) /
-                   b->rows[6][found->at % PRIMITIVE_BLOCK_WIDTH];
-  float3 x, y;
-  disc_frame(unit_normal(blocks, found->at), &x, &y);
-  found->u = dot(r, x);
-  found->v = dot(r, y);
+  const float2 place = place_on_disc(blocks, found->at, (float3)(q->origin[0], q->origin[1], q->origin[2]),
+                                     (float3)(q->direction[0], q->direction[1], q->direction[2]), found->t);
+  found->u = place.x;
+  found->v = place.y;
   return true;
 }
 

@@ -33,13 +33,13 @@ typedef struct RbvhLeaf {
 } RbvhLeaf;
 RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
 
-// A leaf that falls back to exact primitives, because a height field is a poor fit: RbvhLeaf.primitives of
-// them, from `first` on. Rays are intersected with them; the tile still carries the other layers.
-typedef struct RbvhExactLeaf {
+// A leaf that holds primitives in place of a tile: RbvhLeaf.primitives of the level's, from `first` on. It has
+// a frame and a rectangle of texels for a user's layers, but no place in the level's atlas.
+typedef struct RbvhPrimitiveLeaf {
   rbvh_u32 leaf;
   rbvh_u32 first;
-} RbvhExactLeaf;
-RBVH_LAYOUT_SIZE(RbvhExactLeaf, 8);
+} RbvhPrimitiveLeaf;
+RBVH_LAYOUT_SIZE(RbvhPrimitiveLeaf, 8);
 
 // A triangle's corners; or a disc's centre, radius, unit normal and two zeros.
 typedef struct RbvhPrimitive {
@@ -47,20 +47,19 @@ typedef struct RbvhPrimitive {
 } RbvhPrimitive;
 RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
-#define RBVH_CHUNK 8  // exact primitives of a leaf that are tested at once: PRIMITIVE_BLOCK_WIDTH
-
 #define RBVH_NO_BLOCK 0xffffffffu
 
-// A tile for tracing; of a leaf of exact primitives one for each block of them.
+// A tile for tracing; of a leaf of primitives one for each block of them.
 typedef struct RbvhTile {
   float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
-  rbvh_u32 offset;    // its first texel in the heights; they lie row by row
+  rbvh_u32 offset;    // its first texel in the heights, which lie row by row; or its block's first primitive
+                      // among the leaf's
   rbvh_u16 width, height;
   float step_limit;    // in height quanta
   float top;           // the largest height
   float lo[3], hi[3];  // the leaf's box: texels past it are for interpolation, not to be hit
   rbvh_u32 leaf;       // whose tile it is
-  rbvh_u32 block;      // of exact primitives in place of the heights; RBVH_NO_BLOCK: none
+  rbvh_u32 block;      // of primitives in place of the heights; RBVH_NO_BLOCK: none
 } RbvhTile;
 RBVH_LAYOUT_SIZE(RbvhTile, 96);
 

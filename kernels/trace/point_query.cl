@@ -47,12 +47,12 @@ static inline float disc_distance2(float3 p, float3 center, float radius, float3
   return high * high + beside * beside;
 }
 
-// Counts (`write` 0), or writes from firsts[i] on, in the tree's order. exact_first[leaf]: the first
-// of its exact primitives, or 0xffffffff. radius: 0, or the distance up to which a leaf is named without
+// Counts (`write` 0), or writes from firsts[i] on, in the tree's order. first_primitives[leaf]: the first
+// of its primitives, or 0xffffffff. radius: 0, or the distance up to which a leaf is named without
 // covering the point.
 __kernel void point_query_find(__global const RbvhNode* nodes, __global const RbvhLeaf* leaves,
                                __global const ushort* heights, uint atlas_width,
-                               __global const uint* exact_first, __global const RbvhPrimitive* primitives,
+                               __global const uint* first_primitives, __global const RbvhPrimitive* primitives,
                                uint discs, __global const float* points, uint count, float radius, uint write,
                                __global uint* counts, __global const uint* firsts,
                                __global PointHit* hits BOUNDS_ARGUMENT) {
@@ -78,7 +78,7 @@ __kernel void point_query_find(__global const RbvhNode* nodes, __global const Rb
     hit.v = dot(row(leaf, 1), p) + leaf->to_tile[7];
     hit.distance = 0.0f;
     hit.covers = 0;
-    const uint first = exact_first[node->first];
+    const uint first = first_primitives[node->first];
     const int width = leaf->width, height = leaf->height;
     if (first != 0xffffffffu) {
       // Its surface is its primitives, whatever its texels show of them.

@@ -33,9 +33,9 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
                rw = (float3)(m[2], m[5], m[8]);
   const float3 d = vload3(0, ray->direction), p = vload3(0, ray->origin) + d * found->t;
   const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
-  const bool exact = tile->block != RBVH_NO_BLOCK;
+  const bool in_block = tile->block != RBVH_NO_BLOCK;
   float3 n;
-  if (exact) {
+  if (in_block) {
     n = unit_normal(tree->blocks, found->at);
   } else {
     // Of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
@@ -46,16 +46,28 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
   h.normal[0] = n.x;
   h.normal[1] = n.y;
   h.normal[2] = n.z;
-  h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
-  h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
   h.leaf = tile->leaf;
-  h.flags = (dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u) | (exact ? RBVH_HIT_TRIANGLE_LEAF : 0u);
+  h.flags = dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
+  if (in_block) {
+#ifdef DISCS
+    const float2 place = place_on_disc(tree->blocks, found->at, vload3(0, ray->origin), d, found->t);
+#else
+    const float2 place = (float2)(found->u, found->v);
+#endif
+    h.u = place.x;
+    h.v = place.y;
+    h.flags |= RBVH_HIT_TRIANGLE_LEAF |
+               ((tile->offset + found->at % PRIMITIVE_BLOCK_WIDTH) << RBVH_HIT_PRIMITIVE);
+  } else {
+    h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
+    h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
+  }
   return h;
 }
 
 // What a packet found, by ray.
 typedef struct HitLanes {
-  float origin[3], d[3][16], t[16];
+  float origin[3], d[3][16], t[16], u[16], v[16];
   uint id[16], at[16];
 } HitLanes;
 
@@ -66,6 +78,8 @@ static ALWAYS_INLINE void make_lanes(const Tree* tree, const Found16* found, con
     vstore16(p->d[axis], 0, lanes->d[axis]);
   }
   vstore16(found->t, 0, lanes->t);
+  vstore16(found->u, 0, lanes->u);
+  vstore16(found->v, 0, lanes->v);
   vstore16(found->id, 0, lanes->id);
   vstore16(found->at, 0, lanes->at);
 }
@@ -73,7 +87,7 @@ static ALWAYS_INLINE void make_lanes(const Tree* tree, const Found16* found, con
 static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const HitLanes* l, uint i) {
   const Ray ray = {
       {l->origin[0], l->origin[1], l->origin[2]}, 0.0f, {l->d[0][i], l->d[1][i], l->d[2][i]}, INFINITY};
-  const Found found = {l->t[i], 0.0f, 0.0f, l->id[i], l->at[i]};
+  const Found found = {l->t[i], l->u[i], l->v[i], l->id[i], l->at[i]};
   return make_hit(tree, &found, &ray);
 }
 #endif

@@ -1,6 +1,7 @@
 #include "pipeline/rbvh/build.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
@@ -8,6 +9,7 @@
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/pack.h"
 #include "pipeline/rbvh/refine.h"
+#include "pipeline/scan/simplify.h"
 
 namespace rbvh {
 namespace {
@@ -28,14 +30,28 @@ float checked_area(const BuildConfig& config, float own_area) {
   return area;
 }
 
+/// The lattice's step to the level's error: rounding adds little to it.
+constexpr float kLatticeStep = 0.25f;
+/// A float keeps whole numbers up to 2^24: finer lattices do not hold what they promise.
+constexpr float kFinestStep = 1.0f / (1 << 22);
+
+Lattice lattice_of(const LevelConfig& level, const Bounds3f& box) {
+  const float step = kLatticeStep * level.error * box.diagonal();
+  float largest = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    largest = std::max({largest, std::abs(box.lo[axis]), std::abs(box.hi[axis])});
+  if (!(step > kFinestStep * largest)) return {};
+  return {box.lo, step};
+}
+
 }  // namespace
 
 const std::vector<LevelConfig>& standard_levels() {
-  static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45},
-                                                  {"Q1", 1e6f, 0.80f, 50},
-                                                  {"Q2", 512e3f, 0.75f, 55},
-                                                  {"Q3", 128e3f, 0.70f, 60},
-                                                  {"Q4", 32e3f, 0.65f, 65}};
+  static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45, 1.6e-5f},
+                                                  {"Q1", 1e6f, 0.80f, 50, 3.2e-5f},
+                                                  {"Q2", 512e3f, 0.75f, 55, 6.4e-5f},
+                                                  {"Q3", 128e3f, 0.70f, 60, 1.92e-4f},
+                                                  {"Q4", 32e3f, 0.65f, 65, 7.68e-4f}};
   return levels;
 }
 
@@ -76,31 +92,48 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   BuildTimings& time = timings != nullptr ? *timings : unasked;
   time = {};
   Stopwatch watch;
-  report(progress, "upload", 0);
-  const Primitives primitives = upload_primitives(device, scan);
-  const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones, config.split, config.partition);
-  const float area = checked_area(config, partition.nodes[0].sums.area);
-  time.upload += watch.lap();
-
-  std::vector<LevelRule> rules;
-  for (const LevelConfig& level : config.levels) rules.push_back({level, &config, area, tuning.largest_tile});
-  const auto any_level_splits = [&](const PartitionNode& node) {
-    return std::any_of(rules.begin(), rules.end(),
-                       [&](const LevelRule& rule) { return wants_split(rule, node); });
-  };
-  if (any_level_splits(partition.nodes[0]))
-    split_nodes(partition, primitives, {0}, any_level_splits, progress);
-  time.partition += watch.lap();
-
   Rbvh rbvh;
-  for (const LevelRule& rule : rules) {
-    report(progress, "tiles", static_cast<double>(rbvh.levels.size()) / static_cast<double>(rules.size()));
+  float area = 0;
+  const float diagonal = bounds(scan).diagonal();
+  const Scan* source = &scan;  // what the next level is built from
+  Scan simplified;
+  for (auto next = config.levels.begin(); next != config.levels.end();) {
     Stopwatch level_watch;
-    RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
-    rbvh.levels.push_back(pack_level(rule.level, refined, primitives));
-    time.pack += watch.lap();
-    time.levels.push_back({rule.level.name, level_watch.lap()});
+    if (next->error > 0) {
+      simplified = simplify(*source, next->error * diagonal);
+      source = &simplified;
+      time.simplify += watch.lap();
+    }
+    // Levels by density alone share one partition.
+    auto end = next + 1;
+    while (next->error == 0 && end != config.levels.end() && end->error == 0) ++end;
+
+    report(progress, "upload", 0);
+    const Primitives primitives = upload_primitives(device, *source);
+    const bool cones = config.refinement == Refinement::kConeOfNormals;
+    Partition partition = make_root(primitives, cones, config.split, config.partition);
+    if (next == config.levels.begin()) area = checked_area(config, partition.nodes[0].sums.area);
+    time.upload += watch.lap();
+
+    std::vector<LevelRule> rules;
+    for (; next != end; ++next) rules.push_back({*next, &config, area, tuning.largest_tile, next->error * diagonal});
+    const auto any_level_splits = [&](const PartitionNode& node) {
+      return std::any_of(rules.begin(), rules.end(),
+                         [&](const LevelRule& rule) { return wants_split(rule, node); });
+    };
+    if (any_level_splits(partition.nodes[0]))
+      split_nodes(partition, primitives, {0}, any_level_splits, progress);
+    time.partition += watch.lap();
+
+    for (const LevelRule& rule : rules) {
+      report(progress, "tiles",
+             static_cast<double>(rbvh.levels.size()) / static_cast<double>(config.levels.size()));
+      RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
+      rbvh.levels.push_back(pack_level(rule.level, refined, primitives, *source, area,
+                                       lattice_of(rule.level, bounds(scan))));
+      time.pack += watch.lap();
+      time.levels.push_back({rule.level.name, level_watch.lap()});
+    }
   }
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "pipeline/bvh/top_tree.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 
 namespace rbvh {
 namespace {
@@ -82,21 +83,24 @@ Fault find_tile_fault(const Level& level) {
   const std::uint32_t width = level.atlas_width, height = level.atlas_height;
   if (width < 2 || height < 2 || width > 65535 || height > 65535)
     return "has an atlas of " + number(width) + " x " + number(height) + " texels; 2 to 65535 are possible";
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   std::uint64_t texels = 0;
   for (std::size_t i = 0; i < level.leaves.size(); ++i) {
     const RbvhLeaf& leaf = level.leaves[i];
+    const bool is_tile = firsts[i] == RBVH_NO_LEAF;
     if (leaf.width < 2 || leaf.height < 2)
       return "leaf " + number(i) + " has a tile of " + number(leaf.width) + " x " + number(leaf.height) +
              " texels; at least 2 are needed";
     if (std::uint64_t{leaf.width} * leaf.height > kMaxTileTexels)
       return "leaf " + number(i) + " has a tile of more than " + number(kMaxTileTexels) + " texels";
-    if (std::uint32_t{leaf.x} + leaf.width > width || std::uint32_t{leaf.y} + leaf.height > height)
+    if (is_tile &&
+        (std::uint32_t{leaf.x} + leaf.width > width || std::uint32_t{leaf.y} + leaf.height > height))
       return "leaf " + number(i) + " has a tile that extends beyond the atlas";
     if (!std::all_of(leaf.to_tile, leaf.to_tile + 12, [](float v) { return std::isfinite(v); }))
       return "leaf " + number(i) + " has a map to its tile that is not finite";
     if (!is_invertible(leaf.to_tile))
       return "leaf " + number(i) + " has a map to its tile that cannot be inverted";
-    texels += std::uint64_t{leaf.width} * leaf.height;
+    if (is_tile) texels += std::uint64_t{leaf.width} * leaf.height;
   }
   if (texels > std::uint64_t{width} * height)
     return "has tiles that overlap: " + number(texels) + " texels in an atlas of " +
@@ -106,32 +110,41 @@ Fault find_tile_fault(const Level& level) {
   return {};
 }
 
-Fault find_exact_fault(const Level& level) {
+Fault find_primitive_fault(const Level& level) {
+  const Scan& primitives = level.primitives;
+  const std::size_t vertices = primitives.positions.size(), count = primitive_count(level);
   std::uint64_t next_leaf = 0, next_primitive = 0;
-  for (const RbvhExactLeaf& exact : level.exact_leaves) {
-    if (exact.leaf >= level.leaves.size() || exact.leaf < next_leaf)
-      return "says that leaf " + number(exact.leaf) + " of " + number(level.leaves.size()) +
-             " has exact primitives, which is out of range or out of order";
-    next_leaf = std::uint64_t{exact.leaf} + 1;
-    const std::uint32_t count = level.leaves[exact.leaf].primitives;
-    if (count == 0 || count > kMaxLeafPrimitives || exact.first != next_primitive ||
-        next_primitive + count > level.exact_primitives.size())
-      return "leaf " + number(exact.leaf) + " has " + number(count) + " exact primitives from number " +
-             number(exact.first) + " on, of " + number(level.exact_primitives.size());
-    next_primitive += count;
+  for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves) {
+    if (leaf.leaf >= level.leaves.size() || leaf.leaf < next_leaf)
+      return "says that leaf " + number(leaf.leaf) + " of " + number(level.leaves.size()) +
+             " has primitives, which is out of range or out of order";
+    next_leaf = std::uint64_t{leaf.leaf} + 1;
+    const std::uint32_t own = level.leaves[leaf.leaf].primitives;
+    if (own == 0 || own > kMaxLeafPrimitives || leaf.first != next_primitive || next_primitive + own > count)
+      return "leaf " + number(leaf.leaf) + " has " + number(own) + " primitives from number " +
+             number(leaf.first) + " on, of " + number(count);
+    next_primitive += own;
   }
-  if (next_primitive != level.exact_primitives.size())
-    return "has " + number(level.exact_primitives.size()) + " exact primitives, and leaves that use " +
-           number(next_primitive);
-  for (std::size_t i = 0; i < level.exact_primitives.size(); ++i) {
-    const float* shape = level.exact_primitives[i].shape;
-    if (!std::all_of(shape, shape + 9, is_coordinate))
-      return "primitive " + number(i) + " has a coordinate that is not finite";
-    if (level.exact_discs &&
-        !(shape[3] >= 0 && std::abs(length(Vec3d{shape[4], shape[5], shape[6]}) - 1) < 1e-3))
-      return "primitive " + number(i) +
-             " is a disc whose radius is negative or whose normal is not of length 1";
+  if (next_primitive != count)
+    return "has " + number(count) + " primitives, and leaves that use " + number(next_primitive);
+  if (primitives.normals.size() != vertices ||
+      (!primitives.colors.empty() && primitives.colors.size() != vertices) ||
+      (holds_discs(level) && (primitives.radii.size() != vertices || !primitives.triangles.empty())))
+    return "has primitives of " + number(vertices) + " vertices, and other numbers of normals, colours or radii";
+  for (std::size_t i = 0; i < vertices; ++i) {
+    const Vec3f p = primitives.positions[i], n = primitives.normals[i];
+    if (!is_coordinate(p.x) || !is_coordinate(p.y) || !is_coordinate(p.z))
+      return "vertex " + number(i) + " has a coordinate that is not finite";
+    const double size = length(static_cast<Vec3d>(n));
+    if (!(std::abs(size - 1) < 1e-3 || (size == 0 && !holds_discs(level))))
+      return "vertex " + number(i) + " has a normal that is not of length 1";
+    if (holds_discs(level) && !(primitives.radii[i] >= 0 && is_coordinate(primitives.radii[i])))
+      return "disc " + number(i) + " has a radius that is negative or not finite";
   }
+  for (std::size_t i = 0; i < primitives.triangles.size(); ++i)
+    for (const std::uint32_t vertex : primitives.triangles[i])
+      if (vertex >= vertices)
+        return "triangle " + number(i) + " names vertex " + number(vertex) + " of " + number(vertices);
   return {};
 }
 
@@ -193,8 +206,12 @@ Fault find_level_fault(const Level& level) {
       return "has a measured similarity that is not between -1 and 1";
   }
   if (Fault fault = find_tree_fault(level)) return fault;
-  if (Fault fault = find_exact_fault(level)) return fault;
-  return find_tile_fault(level);
+  if (Fault fault = find_primitive_fault(level)) return fault;
+  if (Fault fault = find_tile_fault(level)) return fault;
+  for (const Layer& layer : level.layers)
+    if (layer_kind(layer.name) == LayerKind::kUser && layer.tiles.empty() && !level.primitive_leaves.empty())
+      return "layer " + layer.name + " has no place for leaves of primitives";
+  return {};
 }
 
 }  // namespace

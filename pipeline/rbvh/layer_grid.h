@@ -5,8 +5,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "pipeline/rbvh/rbvh.h"
+#include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
 
@@ -32,10 +34,22 @@ struct LayerGrid {
   TexelQuad quad(float u, float v) const;
 };
 
-/// The tile's height, bilinear in those of the four texels that have one; NaN: none has.
-float height_at(const Level& level, const RbvhLeaf& leaf, float u, float v);
+/// A leaf's surface over its tile or, where it has none, over its primitives' frame.
+class LeafSurface {
+ public:
+  /// `first`: its first primitive, or RBVH_NO_LEAF.
+  LeafSurface(const Level& level, std::uint32_t leaf, std::uint32_t first);
 
-/// The height of the nearest texel within `radius` texels that has one; NaN: none has.
-float nearest_height(const Level& level, const RbvhLeaf& leaf, float u, float v, float radius);
+  /// The surface's point over (u, v). Of a tile: bilinear in those of the four texels that have a height,
+  /// or the height of the nearest texel within `radius` texels. Of primitives: their nearest point, if it
+  /// is within two texels or `radius` of the place.
+  std::optional<Vec3f> point(float u, float v, float radius) const;
+
+ private:
+  const Level& level_;
+  const RbvhLeaf& leaf_;
+  std::uint32_t first_;
+  TileFrame frame_;
+};
 
 }  // namespace rbvh

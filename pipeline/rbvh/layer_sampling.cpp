@@ -8,6 +8,7 @@
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_grid.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
@@ -47,8 +48,18 @@ float add_quad(const Level& level, const Layer& layer, const TexelQuad& quad, fl
   return added;
 }
 
-/// The nearest texel that has a value, for a place whose four texels have none: so in tiles of leaves that
-/// fall back to exact primitives.
+/// Adds weight times what a leaf's primitives have at their point nearest to p: a normal or a colour.
+float add_primitive(const Level& level, LayerKind kind, std::uint32_t first, std::uint32_t leaf, Vec3f p,
+                    float weight, std::span<double> sum) {
+  const Scan& primitives = level.primitives;
+  if (kind == LayerKind::kColor ? primitives.colors.empty() : primitives.normals.empty()) return 0;
+  const PrimitivePoint at = nearest_primitive(level, first, level.leaves[leaf].primitives, p);
+  const Vec3f value = kind == LayerKind::kColor ? srgb_at(primitives, at) : normal_at(primitives, at);
+  for (int c = 0; c < 3; ++c) sum[static_cast<std::size_t>(c)] += static_cast<double>(value[c] * weight);
+  return weight;
+}
+
+/// The nearest texel that has a value, for a place whose four texels have none.
 TexelQuad nearest_quad(const Level& level, const Layer& layer, std::uint32_t leaf, float u, float v) {
   const LayerGrid grid(level, layer, leaf);
   const auto [lu, lv] = grid.place(u, v);
@@ -68,21 +79,29 @@ TexelQuad nearest_quad(const Level& level, const Layer& layer, std::uint32_t lea
   return nearest;
 }
 
-/// Adds the weighted values of the leaves that cover a point; returns the sum of the weights.
-float add_coverings(const Level& level, const Layer& layer, const std::vector<Covering>& covers,
-                    std::span<double> sum) {
+/// Adds the weighted values of the leaves that cover p; returns the sum of the weights. `firsts`: of
+/// first_primitives().
+float add_coverings(const Level& level, const Layer& layer, std::span<const std::uint32_t> firsts,
+                    const std::vector<Covering>& covers, Vec3f p, std::span<double> sum) {
+  const LayerKind kind = layer_kind(layer.name);
+  const auto lies_in_tile = [&](const Covering& c) {
+    return kind == LayerKind::kUser || firsts[c.leaf] == RBVH_NO_LEAF;
+  };
   float weight = 0;
   for (const Covering& c : covers) {
-    if (layer_kind(layer.name) == LayerKind::kHeight) {
+    if (kind == LayerKind::kHeight) {
       sum[0] += static_cast<double>(c.distance * c.weight);
       weight += c.weight;
+    } else if (!lies_in_tile(c)) {
+      weight += add_primitive(level, kind, firsts[c.leaf], c.leaf, p, c.weight, sum);
     } else {
       weight += add_quad(level, layer, LayerGrid(level, layer, c.leaf).quad(c.u, c.v), c.weight, sum);
     }
   }
   for (std::size_t k = 0; k < covers.size() && !(weight > 0); ++k)
-    weight +=
-        add_quad(level, layer, nearest_quad(level, layer, covers[k].leaf, covers[k].u, covers[k].v), 1, sum);
+    if (lies_in_tile(covers[k]))
+      weight += add_quad(level, layer,
+                         nearest_quad(level, layer, covers[k].leaf, covers[k].u, covers[k].v), 1, sum);
   return weight;
 }
 
@@ -99,12 +118,13 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
                                 std::span<const Vec3f> points, float most) {
   const PointHits hits = query_points(index, points);
   const std::size_t width = sample_width(layer);
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   std::vector<float> values(points.size() * width, kNone);
   parallel_for(points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     std::vector<double> sum(width);  // of values up to the largest float
     for (std::size_t i = begin; i < end; ++i) {
       std::fill(sum.begin(), sum.end(), 0.0);
-      const float weight = add_coverings(level, layer, covering(level, hits.of(i), most), sum);
+      const float weight = add_coverings(level, layer, firsts, covering(level, hits.of(i), most), points[i], sum);
       if (!(weight > 0)) continue;
       float* to = values.data() + i * width;
       for (std::size_t c = 0; c < width; ++c)
@@ -120,6 +140,7 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
 std::vector<float> sample_layer_at_hits(const Level& level, const Layer& layer, std::span<const Hit> hits) {
   RBVH_CHECK(layer_kind(layer.name) != LayerKind::kHeight);
   const std::size_t width = sample_width(layer);
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   std::vector<float> values(hits.size() * width, kNone);
   parallel_for(hits.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     std::vector<double> sum(width);  // of values up to the largest float
@@ -127,10 +148,19 @@ std::vector<float> sample_layer_at_hits(const Level& level, const Layer& layer, 
       if (!std::isfinite(hits[i].t)) continue;
       const RbvhLeaf& leaf = level.leaves[hits[i].leaf];
       std::fill(sum.begin(), sum.end(), 0.0);
-      const TexelQuad quad = LayerGrid(level, layer, hits[i].leaf)
-                                 .quad(hits[i].u * static_cast<float>(leaf.width - 1),
-                                       hits[i].v * static_cast<float>(leaf.height - 1));
-      const float weight = add_quad(level, layer, quad, 1, sum);
+      float u = hits[i].u * static_cast<float>(leaf.width - 1),
+            v = hits[i].v * static_cast<float>(leaf.height - 1), weight = 0;
+      const std::optional<PrimitivePoint> primitive = primitive_at(level, firsts[hits[i].leaf], hits[i]);
+      const Vec3f p = primitive ? point_of(level.primitives, *primitive) : Vec3f{};
+      if (primitive) {
+        const Vec3f place = to_tile(leaf, p);
+        u = place.x;
+        v = place.y;
+      }
+      if (primitive && layer_kind(layer.name) != LayerKind::kUser)
+        weight = add_primitive(level, layer_kind(layer.name), firsts[hits[i].leaf], hits[i].leaf, p, 1, sum);
+      else
+        weight = add_quad(level, layer, LayerGrid(level, layer, hits[i].leaf).quad(u, v), 1, sum);
       for (std::size_t c = 0; c < width && weight > 0; ++c)
         values[i * width + c] = static_cast<float>(sum[c] / static_cast<double>(weight));
     }

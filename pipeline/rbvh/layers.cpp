@@ -9,6 +9,7 @@
 #include "pipeline/rbvh/atlas.h"
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_grid.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_surface.h"
 #include "pipeline/rbvh/texel.h"
 
@@ -25,8 +26,8 @@ Layer make_layer(const Level& level, const std::string& name, std::uint32_t chan
   Layer layer;
   layer.name = name;
   layer.channels = channels;
-  if (scale != 1) {
-    std::vector<Tile> tiles(level.leaves.size());
+  if (scale != 1 || !level.primitive_leaves.empty()) {
+    std::vector<RbvhLeaf> tiles(level.leaves.size());
     const auto side = [&](std::uint16_t texels) {
       const double wanted = std::max(1.0, std::round((texels - 1) * scale)) + 1;
       if (!(wanted <= 65535))
@@ -34,15 +35,16 @@ Layer make_layer(const Level& level, const std::string& name, std::uint32_t chan
                     "layer " + name + " would have tiles over 65535 texels wide; lower its scale");
       return static_cast<std::uint16_t>(wanted);
     };
+    std::vector<RbvhLeaf*> all;
     for (std::size_t i = 0; i < tiles.size(); ++i) {
-      tiles[i].leaf.width = side(level.leaves[i].width);
-      tiles[i].leaf.height = side(level.leaves[i].height);
+      tiles[i].width = side(level.leaves[i].width);
+      tiles[i].height = side(level.leaves[i].height);
+      all.push_back(&tiles[i]);
     }
-    const AtlasSize size = pack_tiles(tiles);
+    const AtlasSize size = pack_tiles(all);
     layer.width = size.width;
     layer.height = size.height;
-    for (const Tile& tile : tiles)
-      layer.tiles.push_back({tile.leaf.x, tile.leaf.y, tile.leaf.width, tile.leaf.height});
+    for (const RbvhLeaf& tile : tiles) layer.tiles.push_back({tile.x, tile.y, tile.width, tile.height});
   }
   const auto [width, height] = atlas_size(level, layer);
   layer.texels.resize(std::size_t{width} * height * channels);
@@ -51,20 +53,19 @@ Layer make_layer(const Level& level, const std::string& name, std::uint32_t chan
 
 LayerPoints layer_points(const Level& level, const Layer& layer) {
   LayerPoints result;
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (std::uint32_t k = 0; k < level.leaves.size(); ++k) {
-    const RbvhLeaf& leaf = level.leaves[k];
-    const TileFrame frame(leaf);
+    const LeafSurface surface(level, k, firsts[k]);
     const LayerGrid grid(level, layer, k);
     for (int y = 0; y < grid.tile.height; ++y)
       for (int x = 0; x < grid.tile.width; ++x) {
         const float u = static_cast<float>(x) / grid.per_u, v = static_cast<float>(y) / grid.per_v;
-        float h = height_at(level, leaf, u, v);
         // Coarse texels extend past the heights' border, as fine ones do: reads there use all four.
         const float side = std::max(1 / grid.per_u, 1 / grid.per_v);
-        if (std::isnan(h) && side > 1) h = nearest_height(level, leaf, u, v, 1.5f * side);
-        if (std::isnan(h)) continue;
+        const std::optional<Vec3f> point = surface.point(u, v, side > 1 ? 1.5f * side : 0);
+        if (!point) continue;
         result.texels.push_back(grid.texel(x, y));
-        result.points.push_back(frame.at(u, v, h));
+        result.points.push_back(*point);
       }
   }
   return result;

@@ -17,9 +17,9 @@ constexpr float kFaultFloorTexels = 4;
 constexpr float kMostRhoRange = 4;
 
 /// A leaf of no more primitives may fall back to them: where a tile takes more bytes, and where it is faulty.
-constexpr std::uint32_t kMostExact = 64, kMostFaulty = 32;
+constexpr std::uint32_t kMostPrimitives = 64, kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
-constexpr std::uint32_t kTexelsPerExact = 11;
+constexpr std::uint32_t kTexelsPerPrimitive = 11;
 /// A leaf of uncovered triangles is not spread over more texels for each: its box would be mostly empty.
 constexpr std::uint32_t kMaxUncoveredTexels = 64;
 
@@ -99,13 +99,13 @@ TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits) {
 LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs) {
   const std::uint32_t n = tile.primitives;
   if (tile.is_uncovered_group)
-    return n == 1 || (n <= kMostExact && tile.texels <= kMaxUncoveredTexels * n) ? LeafDecision::kExact
+    return n == 1 || (n <= kMostPrimitives && tile.texels <= kMaxUncoveredTexels * n) ? LeafDecision::kPrimitives
                                                                                  : LeafDecision::kSplit;
-  if (hybrid != Hybrid::kOff && n <= kMostExact) {
+  if (hybrid != Hybrid::kOff && n <= kMostPrimitives) {
     const bool is_poor_fit = tile.is_faulty && n <= kMostFaulty,
-               takes_more_bytes = tile.texels >= kTexelsPerExact * n;
+               takes_more_bytes = tile.texels >= kTexelsPerPrimitive * n;
     if (hybrid == Hybrid::kAlways || prefers_discs || is_poor_fit || takes_more_bytes)
-      return LeafDecision::kExact;
+      return LeafDecision::kPrimitives;
   }
   if (n == 1) return LeafDecision::kRasterize;
   if (hybrid == Hybrid::kAlways) return LeafDecision::kSplit;
@@ -116,7 +116,7 @@ LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_disc
 LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives) {
   if (uncovered == 0) return LeafDecision::kRasterize;
   if (uncovered < primitives) return LeafDecision::kSplit;
-  return primitives <= kMostExact ? LeafDecision::kExact : LeafDecision::kRasterize;
+  return primitives <= kMostPrimitives ? LeafDecision::kPrimitives : LeafDecision::kRasterize;
 }
 
 FaultSplit choose_fault_split(const TileFlaws& flaws) {

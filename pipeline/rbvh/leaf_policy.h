@@ -105,7 +105,7 @@ struct TileFacts {
   bool is_uncovered_group = false;  ///< all its primitives were uncovered in another tile
 };
 
-enum class LeafDecision { kRasterize, kExact, kSplit };
+enum class LeafDecision { kRasterize, kPrimitives, kSplit };
 
 LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/rbvh/tile.h"
 
@@ -10,10 +11,9 @@ namespace rbvh {
 void for_each_quad(const Level& level, const std::function<void(std::uint32_t leaf, std::uint32_t x,
                                                                 std::uint32_t y, std::size_t texel)>& quad) {
   const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
-  std::vector<bool> is_exact(level.leaves.size());
-  for (const RbvhExactLeaf& exact : level.exact_leaves) is_exact[exact.leaf] = true;
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (const RbvhNode& node : level.nodes) {
-    if (node.count == 0 || is_exact[node.first]) continue;
+    if (node.count == 0 || firsts[node.first] != RBVH_NO_LEAF) continue;
     const RbvhLeaf& leaf = level.leaves[node.first];
     const TileFrame frame(leaf);
     const Bounds3f box{{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
@@ -35,14 +35,15 @@ void for_each_quad(const Level& level, const std::function<void(std::uint32_t le
 
 TriangleSoup surface_of(const Level& level) {
   TriangleSoup soup;
-  for (const RbvhExactLeaf& exact : level.exact_leaves)
-    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
-      const float* s = level.exact_primitives[exact.first + i].shape;
-      if (level.exact_discs)
-        add_disc(soup, {s[0], s[1], s[2]}, {s[4], s[5], s[6]}, s[3]);
-      else
-        add_triangle(soup, {s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]});
+  const Scan& primitives = level.primitives;
+  for (std::uint32_t i = 0; i < primitive_count(level); ++i) {
+    if (holds_discs(level)) {
+      add_disc(soup, primitives.positions[i], primitives.normals[i], primitives.radii[i]);
+    } else {
+      const Triangle& t = primitives.triangles[i];
+      add_triangle(soup, primitives.positions[t[0]], primitives.positions[t[1]], primitives.positions[t[2]]);
     }
+  }
   const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
   for_each_quad(level, [&](std::uint32_t leaf, std::uint32_t x, std::uint32_t y, std::size_t at) {
     const TileFrame frame(level.leaves[leaf]);
@@ -55,5 +56,4 @@ TriangleSoup surface_of(const Level& level) {
   return soup;
 }
 
-// Median splits along the longest axis of the centres.
 }  // namespace rbvh

@@ -13,7 +13,7 @@ namespace rbvh {
 /// step between them, as two triangles each, as far as their middle lies in the leaf's box.
 TriangleSoup surface_of(const Level& level);
 /// Calls for each of those quads, tile by tile: its first texel's place in the tile and in the atlas. Not for
-/// leaves that fall back to exact primitives.
+/// leaves of primitives.
 void for_each_quad(
     const Level& level,
     const std::function<void(std::uint32_t leaf, std::uint32_t x, std::uint32_t y, std::size_t texel)>& quad);

@@ -10,6 +10,7 @@
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_surface.h"
 #include "pipeline/rbvh/texel.h"
 
@@ -25,10 +26,7 @@ constexpr double kMostStretch = 3;
 class SurfaceScan {
  public:
   explicit SurfaceScan(const Level& level)
-      : level_(level),
-        heights_(level.layers.at(0).texels),
-        normals_(find_layer(level, "normal")),
-        colors_(find_layer(level, "color")) {}
+      : normals_(find_layer(level, "normal")), colors_(find_layer(level, "color")) {}
 
   /// The texel's point, with its normal and colour in the layers.
   std::uint32_t add_texel(Vec3f point, std::size_t texel, Vec3f otherwise_normal) {
@@ -36,11 +34,11 @@ class SurfaceScan {
     return add(point, is_known ? unpack_normal(normals_->texels[texel]) : otherwise_normal, texel);
   }
 
-  /// A point near a tile's surface, with the normal and colour of the nearest texel.
-  std::uint32_t add_point(Vec3f point, std::uint32_t leaf, Vec3f normal, bool keeps_normal) {
-    const std::size_t texel = nearest_texel(level_.leaves[leaf], point);
-    if (keeps_normal || heights_[texel] == 0) return add(point, normal, texel);
-    return add_texel(point, texel, normal);
+  void add_vertex(const Scan& primitives, std::uint32_t vertex) {
+    scan.positions.push_back(primitives.positions[vertex]);
+    scan.normals.push_back(primitives.normals[vertex]);
+    if (colors_ != nullptr)
+      scan.colors.push_back(primitives.colors.empty() ? Color8{} : primitives.colors[vertex]);
   }
 
   Scan scan;
@@ -57,16 +55,6 @@ class SurfaceScan {
     return static_cast<std::uint32_t>(scan.positions.size() - 1);
   }
 
-  std::size_t nearest_texel(const RbvhLeaf& leaf, Vec3f point) const {
-    const Vec3f at = to_tile(leaf, point);
-    const auto place = [](float value, int size) {
-      return static_cast<std::size_t>(std::clamp(value + 0.5f, 0.0f, static_cast<float>(size - 1)));
-    };
-    return (leaf.y + place(at.y, leaf.height)) * level_.atlas_width + leaf.x + place(at.x, leaf.width);
-  }
-
-  const Level& level_;
-  const std::vector<std::uint16_t>& heights_;
   const Layer* normals_;
   const Layer* colors_;
 };
@@ -98,10 +86,9 @@ void add_quads(const Level& level, SurfaceScan& surface) {
 
 void add_texel_discs(const Level& level, SurfaceScan& surface) {
   const std::vector<std::uint16_t>& heights = level.layers[0].texels;
-  std::vector<bool> is_exact(level.leaves.size());
-  for (const RbvhExactLeaf& exact : level.exact_leaves) is_exact[exact.leaf] = true;
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (const RbvhNode& node : level.nodes) {
-    if (node.count == 0 || is_exact[node.first]) continue;
+    if (node.count == 0 || firsts[node.first] != RBVH_NO_LEAF) continue;
     const RbvhLeaf& leaf = level.leaves[node.first];
     const TileFrame frame(leaf);
     const Vec3d outside = normalized(frame.w);
@@ -122,22 +109,15 @@ void add_texel_discs(const Level& level, SurfaceScan& surface) {
   }
 }
 
-void add_exact(const Level& level, bool is_cloud, SurfaceScan& surface) {
-  for (const RbvhExactLeaf& exact : level.exact_leaves)
-    for (std::uint32_t i = 0; i < level.leaves[exact.leaf].primitives; ++i) {
-      const float* s = level.exact_primitives[exact.first + i].shape;
-      const Vec3f p[3] = {{s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]}};
-      if (level.exact_discs) {
-        if (!is_cloud) continue;  // a mesh has exact triangles
-        surface.add_point(p[0], exact.leaf, {s[4], s[5], s[6]}, true);
-        surface.scan.radii.push_back(s[3]);
-        continue;
-      }
-      if (is_cloud) continue;
-      const Vec3f normal = normalized(cross(p[1] - p[0], p[2] - p[0]));
-      Triangle& triangle = surface.scan.triangles.emplace_back();
-      for (std::size_t c = 0; c < 3; ++c) triangle[c] = surface.add_point(p[c], exact.leaf, normal, false);
-    }
+/// A mesh has triangles, a cloud discs.
+void add_primitives(const Level& level, bool is_cloud, SurfaceScan& surface) {
+  if (holds_discs(level) != is_cloud) return;
+  const Scan& from = level.primitives;
+  const auto first = static_cast<std::uint32_t>(surface.scan.positions.size());
+  for (std::uint32_t i = 0; i < from.positions.size(); ++i) surface.add_vertex(from, i);
+  for (const Triangle& t : from.triangles)
+    surface.scan.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  surface.scan.radii.insert(surface.scan.radii.end(), from.radii.begin(), from.radii.end());
 }
 
 /// The user's layers of the finer level, sampled at the derived levels' texels.
@@ -179,7 +159,7 @@ Scan scan_of_level(const Level& level, bool is_cloud) {
     add_texel_discs(level, surface);
   else
     add_quads(level, surface);
-  add_exact(level, is_cloud, surface);
+  add_primitives(level, is_cloud, surface);
   return std::move(surface.scan);
 }
 

@@ -1,74 +1,144 @@
 #include "pipeline/rbvh/pack.h"
 
+#include <meshoptimizer.h>
+
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <utility>
 
+#include "kernels/bvh/bvh_layout.h"
+#include "pipeline/base/error.h"
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/atlas.h"
+#include "pipeline/rbvh/leaf_primitives.h"
+#include "pipeline/rbvh/leaf_rounding.h"
+#include "pipeline/rbvh/texel.h"
+#include "pipeline/scan/vertex_normals.h"
 
 namespace rbvh {
 namespace {
 
-/// Orders primitives so that those in the same RBVH_CHUNK places are close together, by halving along the
-/// longest axis.
-void sort_into_chunks(std::span<std::uint32_t> references, const std::vector<float>& shapes, bool discs) {
-  const auto center = [&](std::uint32_t i) {
-    const float* s = shapes.data() + 9 * std::size_t{i};
-    const Vec3f p{s[0], s[1], s[2]};
-    return discs ? p : (p + Vec3f{s[3], s[4], s[5]} + Vec3f{s[6], s[7], s[8]}) * (1.0f / 3);
-  };
-  // By number first: their order depends on other levels' splits.
-  std::sort(references.begin(), references.end());
-  if (references.size() <= RBVH_CHUNK) return;
-  Bounds3f box;
-  for (const std::uint32_t i : references) box.add(center(i));
-  const Vec3f e = box.extent();
-  const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
-  std::stable_sort(references.begin(), references.end(),
-                   [&](std::uint32_t a, std::uint32_t b) { return center(a)[axis] < center(b)[axis]; });
-  const std::size_t chunks = (references.size() + RBVH_CHUNK - 1) / RBVH_CHUNK,
-                    middle = chunks / 2 * RBVH_CHUNK;
-  sort_into_chunks(references.first(middle), shapes, discs);
-  sort_into_chunks(references.subspan(middle), shapes, discs);
+/// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
+constexpr float kSameNormal = 0.94f;
+
+/// The file's codec keeps the order of triangles and their sides, but may begin with another corner.
+void rotate_as_stored(Scan& mesh) {
+  static_assert(sizeof(Triangle) == 3 * sizeof(unsigned int));
+  auto* indices = reinterpret_cast<unsigned int*>(mesh.triangles.data());
+  const std::size_t count = 3 * mesh.triangles.size();
+  std::vector<unsigned char> bytes(meshopt_encodeIndexBufferBound(count, mesh.positions.size()));
+  bytes.resize(meshopt_encodeIndexBuffer(bytes.data(), bytes.size(), indices, count));
+  RBVH_CHECK(meshopt_decodeIndexBuffer(indices, count, sizeof(unsigned int), bytes.data(), bytes.size()) == 0);
 }
 
-/// Of the leaves that fall back to them. `order`: the leaves' tiles.
-void store_exact_primitives(Level& level, const RefinedLevel& refined,
-                            const std::vector<std::uint32_t>& order, const Primitives& primitives) {
-  std::vector<std::uint32_t> references;
-  std::vector<float> shapes;
-  for (std::uint32_t leaf = 0; leaf < order.size(); ++leaf) {
-    const Tile& tile = refined.tiles[order[leaf]];
-    if (tile.decision != LeafDecision::kExact) continue;
-    if (references.empty()) {
-      references = refined.partition.references.read();
-      shapes = primitives.shape.read();
-    }
-    const PartitionNode& node = refined.partition.nodes[tile.node];
-    sort_into_chunks(std::span(references).subspan(node.begin, node.count()), shapes, primitives.discs);
-    level.exact_leaves.push_back({leaf, static_cast<std::uint32_t>(level.exact_primitives.size())});
-    for (std::uint32_t i = node.begin; i < node.end; ++i) {
-      RbvhPrimitive& primitive = level.exact_primitives.emplace_back();
-      std::copy_n(shapes.begin() + 9 * static_cast<std::ptrdiff_t>(references[i]), 9, primitive.shape);
-      if (!primitives.discs) continue;
-      const Vec3f normal = normalized(Vec3f{primitive.shape[4], primitive.shape[5], primitive.shape[6]});
-      std::copy_n(&normal.x, 3, primitive.shape + 4);
-    }
+Vec3f center(const Scan& scan, std::uint32_t primitive) {
+  if (scan.is_cloud()) return scan.positions[primitive];
+  const Triangle& t = scan.triangles[primitive];
+  return (scan.positions[t[0]] + scan.positions[t[1]] + scan.positions[t[2]]) * (1.0f / 3);
+}
+
+/// Orders primitives so that those of one block are close together, by halving along the longest axis.
+void sort_into_blocks(std::span<std::uint32_t> primitives, const Scan& scan) {
+  // By number first: their order depends on other levels' splits.
+  std::sort(primitives.begin(), primitives.end());
+  if (primitives.size() <= PRIMITIVE_BLOCK_WIDTH) return;
+  Bounds3f box;
+  for (const std::uint32_t i : primitives) box.add(center(scan, i));
+  const Vec3f e = box.extent();
+  const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
+  std::stable_sort(primitives.begin(), primitives.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return center(scan, a)[axis] < center(scan, b)[axis];
+  });
+  const std::size_t blocks = (primitives.size() + PRIMITIVE_BLOCK_WIDTH - 1) / PRIMITIVE_BLOCK_WIDTH,
+                    middle = blocks / 2 * PRIMITIVE_BLOCK_WIDTH;
+  sort_into_blocks(primitives.first(middle), scan);
+  sort_into_blocks(primitives.subspan(middle), scan);
+}
+
+/// Gathers the vertices that a level's primitives use, numbered by first use.
+class PrimitiveVertices {
+ public:
+  PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice, Scan& to)
+      : scan_(scan), normals_(normals), lattice_(lattice), to_(to), numbers_(scan.positions.size(), kNone) {}
+
+  std::uint32_t add(std::uint32_t vertex) {
+    std::uint32_t& number = numbers_[vertex];
+    if (number != kNone) return number;
+    number = static_cast<std::uint32_t>(to_.positions.size());
+    to_.positions.push_back(snapped(lattice_, scan_.positions[vertex]));
+    to_.normals.push_back(unpack_normal(pack_normal(normals_[vertex])));
+    if (!scan_.colors.empty()) to_.colors.push_back(scan_.colors[vertex]);
+    return number;
   }
-  level.exact_discs = primitives.discs;
+
+ private:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+  const Scan& scan_;
+  std::span<const Vec3f> normals_;
+  const Lattice& lattice_;
+  Scan& to_;
+  std::vector<std::uint32_t> numbers_;
+};
+
+/// Appends the primitives of a leaf; returns their number. Triangles that the lattice leaves without an area
+/// go, as long as one is left.
+std::uint32_t add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives,
+                             PrimitiveVertices& vertices, Scan& to) {
+  const std::size_t before = to.triangles.size();
+  for (std::size_t k = 0; k < primitives.size(); ++k) {
+    if (scan.is_cloud()) {
+      vertices.add(primitives[k]);
+      to.radii.push_back(unround_radius(round_radius(scan.radii[primitives[k]])));
+      continue;
+    }
+    Triangle t = scan.triangles[primitives[k]];
+    for (std::uint32_t& corner : t) corner = vertices.add(corner);
+    const auto at = [&](std::size_t corner) { return to.positions[t[corner]]; };
+    const bool is_flat = at(0) == at(1) || at(1) == at(2) || at(2) == at(0);
+    if (!is_flat || (k + 1 == primitives.size() && to.triangles.size() == before)) to.triangles.push_back(t);
+  }
+  return static_cast<std::uint32_t>(scan.is_cloud() ? primitives.size() : to.triangles.size() - before);
+}
+
+/// Fills in the level's primitives and their leaves, whose tiles are `tiles[order[leaf]]`.
+void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
+                      const std::vector<std::vector<std::uint32_t>>& of_tile, const Scan& scan) {
+  if (std::none_of(tiles.begin(), tiles.end(),
+                   [](const Tile& tile) { return tile.decision == LeafDecision::kPrimitives; }))
+    return;
+  const std::vector<Vec3f> normals = scan.normals.empty() ? vertex_normals(scan) : scan.normals;
+  PrimitiveVertices vertices(scan, normals, level.lattice, level.primitives);
+  for (std::uint32_t leaf = 0; leaf < order.size(); ++leaf) {
+    Tile& tile = tiles[order[leaf]];
+    if (tile.decision != LeafDecision::kPrimitives) continue;
+    level.primitive_leaves.push_back({leaf, static_cast<std::uint32_t>(primitive_count(level))});
+    tile.leaf.primitives = add_primitives(scan, of_tile[order[leaf]], vertices, level.primitives);
+  }
+  if (scan.is_cloud()) return;
+  rotate_as_stored(level.primitives);
+  const std::vector<Vec3f> own = vertex_normals(level.primitives);
+  for (std::size_t i = 0; i < own.size(); ++i)
+    if (dot(own[i], level.primitives.normals[i]) >= kSameNormal) level.primitives.normals[i] = own[i];
 }
 
 }  // namespace
 
-Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primitives& primitives) {
+Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primitives& primitives,
+                 const Scan& scan, float area, const Lattice& lattice) {
   std::vector<Tile>& tiles = refined.tiles;
   Level level;
   level.name = config.name;
   level.rho = config.rho;
   level.alpha = config.alpha;
   level.phi_degrees = config.phi_degrees;
-  const AtlasSize size = pack_tiles(tiles);
+  level.error = config.error;
+  level.lattice = lattice;
+  level.grid = leaf_grid(bounds(scan));
+  std::vector<RbvhLeaf*> rasterized;
+  for (Tile& tile : tiles)
+    if (tile.decision == LeafDecision::kRasterize) rasterized.push_back(&tile.leaf);
+  const AtlasSize size = pack_tiles(rasterized);
   level.atlas_width = size.width;
   level.atlas_height = size.height;
   level.layers.push_back({"height", 1, assemble_layer(tiles, refined.texels.heights, size)});
@@ -76,16 +146,33 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primiti
   if (primitives.has_colors)
     level.layers.push_back({"color", 1, assemble_layer(tiles, refined.texels.colors, size)});
 
+  const std::vector<std::uint32_t> references = refined.partition.references.read(),
+                                   scan_primitives = primitives.order.read();
+  std::vector<std::vector<std::uint32_t>> of_tile(tiles.size());  // of leaves of primitives
   std::vector<Bounds3f> boxes(tiles.size());
-  for (std::size_t k = 0; k < tiles.size(); ++k) boxes[k] = tiles[k].bounds;
+  for (std::size_t k = 0; k < tiles.size(); ++k) {
+    if (tiles[k].decision == LeafDecision::kRasterize) {
+      float* const frame = tiles[k].leaf.to_tile;
+      unround_frame(level.grid, round_frame(level.grid, frame), frame);
+      boxes[k] = unround_box(level.grid, round_box(level.grid, tiles[k].bounds));
+      continue;
+    }
+    const PartitionNode& node = refined.partition.nodes[tiles[k].node];
+    for (std::uint32_t i = node.begin; i < node.end; ++i)
+      of_tile[k].push_back(scan_primitives[references[i]]);
+    sort_into_blocks(of_tile[k], scan);
+    for (const std::uint32_t i : of_tile[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
+  }
   TopTree tree = build_top_tree(boxes);
+  store_primitives(level, tiles, tree.order, of_tile, scan);
   level.nodes = std::move(tree.nodes);
   for (const std::uint32_t k : tree.order) {
     level.leaves.push_back(tiles[k].leaf);
-    level.bounds.add(tiles[k].bounds);
-    level.texels_used += tiles[k].texels_used;
+    level.bounds.add(boxes[k]);
+    if (tiles[k].decision == LeafDecision::kRasterize) level.texels_used += tiles[k].texels_used;
   }
-  store_exact_primitives(level, refined, tree.order, primitives);
+  for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves)
+    fit_frame(level.primitives, leaf.first, primitive_texel(area, config.rho), level.leaves[leaf.leaf]);
   return level;
 }
 

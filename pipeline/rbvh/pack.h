@@ -1,4 +1,4 @@
-// From a level's tiles to what is stored: atlas, hierarchy, exact primitives.
+// From a level's leaves to what is stored: atlas, hierarchy, primitives.
 #pragma once
 
 #include "pipeline/rbvh/primitives.h"
@@ -8,6 +8,9 @@
 
 namespace rbvh {
 
-Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primitives& primitives);
+/// `scan` is what `primitives` were made of. `area`: that rho is for, scan units squared. `lattice`: that the
+/// primitives' positions are moved to; of step 0: they stay.
+Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primitives& primitives,
+                 const Scan& scan, float area, const Lattice& lattice);
 
 }  // namespace rbvh

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {
@@ -51,18 +52,16 @@ std::vector<RbvhNode> grown_nodes(const Level& level) {
 }  // namespace
 
 PointIndex make_point_index(const Device& device, const Level& level) {
-  std::vector<std::uint32_t> exact_first(level.leaves.size(), 0xffffffffu);
-  for (const RbvhExactLeaf& exact : level.exact_leaves) exact_first[exact.leaf] = exact.first;
+  std::vector<RbvhPrimitive> shapes(std::max<std::size_t>(1, primitive_count(level)));
+  for (std::uint32_t i = 0; i < primitive_count(level); ++i) shapes[i] = primitive_shape(level.primitives, i);
   return {.device = device,
           .nodes = Buffer<RbvhNode>(device, grown_nodes(level)),
           .leaves = Buffer<RbvhLeaf>(device, level.leaves),
           .heights = Buffer<std::uint16_t>(device, level.layers.at(0).texels),
-          .exact_first = Buffer<std::uint32_t>(device, exact_first),
-          .primitives = level.exact_primitives.empty()
-                            ? Buffer<RbvhPrimitive>(device, 1)
-                            : Buffer<RbvhPrimitive>(device, level.exact_primitives),
+          .first_primitives = Buffer<std::uint32_t>(device, first_primitives(level)),
+          .primitives = Buffer<RbvhPrimitive>(device, shapes),
           .atlas_width = level.atlas_width,
-          .discs = level.exact_discs ? 1u : 0u};
+          .discs = holds_discs(level) ? 1u : 0u};
 }
 
 PointHits query_points(const PointIndex& index, std::span<const Vec3f> points, float radius) {
@@ -76,7 +75,7 @@ PointHits query_points(const PointIndex& index, std::span<const Vec3f> points, f
     const Buffer<std::uint32_t> counts(index.device, count);
     const auto run = [&](std::uint32_t write, const Buffer<std::uint32_t>& firsts,
                          const Buffer<PointHit>& hits) {
-      find.run(count, 64, index.nodes, index.leaves, index.heights, index.atlas_width, index.exact_first,
+      find.run(count, 64, index.nodes, index.leaves, index.heights, index.atlas_width, index.first_primitives,
                index.primitives, index.discs, device_points, static_cast<std::uint32_t>(count), radius, write,
                counts, firsts, hits);
     };

@@ -18,7 +18,7 @@ struct PointIndex {
   Buffer<RbvhNode> nodes;  ///< boxes grown so that they contain the tiles' borders
   Buffer<RbvhLeaf> leaves;
   Buffer<std::uint16_t> heights;
-  Buffer<std::uint32_t> exact_first;
+  Buffer<std::uint32_t> first_primitives;
   Buffer<RbvhPrimitive> primitives;
   std::uint32_t atlas_width = 0;
   std::uint32_t discs = 0;

@@ -46,11 +46,11 @@ std::vector<Tile> make_drafts(TileRaster& raster) {
   return drafts;
 }
 
-/// Leaves out the tiles that are to be split; the texels of the others stay where they are.
-void drop_split_tiles(TileRaster& raster, const std::vector<Tile>& drafts) {
+/// Leaves out the tiles that are not to be completed; the texels of the others stay where they are.
+void drop_other_tiles(TileRaster& raster, const std::vector<Tile>& drafts) {
   std::size_t kept = 0;
   for (std::size_t k = 0; k < drafts.size(); ++k) {
-    if (drafts[k].decision == LeafDecision::kSplit) continue;
+    if (drafts[k].decision != LeafDecision::kRasterize) continue;
     raster.nodes[kept] = raster.nodes[k];
     raster.tiles[kept++] = raster.tiles[k];
   }
@@ -83,12 +83,12 @@ std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition&
   std::vector<Tile> finished;
   for (Tile& draft : drafts) {
     draft.decision = decide(draft);
-    if (draft.decision != LeafDecision::kSplit) finished.push_back(draft);
+    if (draft.decision == LeafDecision::kRasterize) finished.push_back(draft);
   }
-  drop_split_tiles(raster, drafts);
+  drop_other_tiles(raster, drafts);
   if (!finished.empty()) finish_tiles(raster, finished, texels);
   for (const Tile& draft : drafts)
-    if (draft.decision == LeafDecision::kSplit) finished.push_back(draft);
+    if (draft.decision != LeafDecision::kRasterize) finished.push_back(draft);
   return finished;
 }
 

@@ -12,7 +12,7 @@
 namespace rbvh {
 
 /// `decide` is asked about each tile once its own primitives are rasterised: its node, size, primitives,
-/// flaws and normal are known. Where the answer is not kSplit the tile is completed and its texels appended.
+/// flaws and normal are known. Where the answer is kRasterize the tile is completed and its texels appended.
 /// Returned: these in the nodes' order, then the others.
 std::vector<Tile> rasterize_tiles(const Primitives& primitives, const Partition& partition,
                                   const std::vector<std::uint32_t>& nodes, const RasterConfig& config,

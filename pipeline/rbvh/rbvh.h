@@ -10,6 +10,7 @@
 
 #include "kernels/common/layout.h"
 #include "rbvh/geometry.h"
+#include "rbvh/scan.h"
 
 namespace rbvh {
 
@@ -65,17 +66,35 @@ struct LevelFidelity {
 /// it was not measured.
 double error_percent(const LevelFidelity& fidelity);
 
+/// Points at equal distances along each axis.
+struct Lattice {
+  Vec3f origin{};
+  float step = 0;  ///< scan units
+};
+
+/// What the frames and boxes of a level's leaves are rounded to: points origin + k * step, k whole.
+struct LeafGrid {
+  Vec3f origin{};
+  float frame_step = 0;  ///< of the frames' corners, scan units; 0: any floats
+  float box_step = 0;    ///< of the boxes
+};
+
 struct Level {
   std::string name;       ///< "Q0" .. "Q4"
   float rho = 0;          ///< texels for the whole surface, normalised to area 1
   float alpha = 0;        ///< least projected area over area
   float phi_degrees = 0;  ///< widest half-angle of the cone of normals
+  float error = 0;        ///< that was asked for, of the scan's diagonal; 0: the density alone decided
   Bounds3f bounds;        ///< of all tiles
   std::vector<RbvhNode> nodes;
   std::vector<RbvhLeaf> leaves;
-  std::vector<RbvhExactLeaf> exact_leaves;  ///< those that fall back to exact primitives, by leaf
-  std::vector<RbvhPrimitive> exact_primitives;
-  bool exact_discs = false;  ///< the primitives are discs, else triangles
+  std::vector<RbvhPrimitiveLeaf> primitive_leaves;  ///< those that hold primitives in place of a tile, by leaf
+  /// Theirs, leaf by leaf: triangles with shared vertices, or points as discs. With normals and, where the
+  /// scan has them, colours.
+  Scan primitives;
+  /// The primitives' positions are lattice.origin + k * lattice.step, k whole; step 0: any floats.
+  Lattice lattice;
+  LeafGrid grid;
   std::uint32_t atlas_width = 0, atlas_height = 0;
   std::vector<Layer> layers;      ///< height first
   std::uint64_t texels_used = 0;  ///< texels with a surface

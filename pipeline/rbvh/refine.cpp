@@ -12,6 +12,9 @@
 namespace rbvh {
 namespace {
 
+/// Of heights, to the level's error: rounding adds little to it.
+constexpr float kQuantum = 0.5f;
+
 /// A level's leaves while they are refined.
 struct RefineState {
   const Primitives& primitives;
@@ -81,6 +84,7 @@ std::vector<std::uint32_t> split_boundary(Partition& partition, const Primitives
 RasterConfig raster_config(const RefineState& level, float rho) {
   const bool is_cloud = level.primitives.discs;
   return {.rho = rho,
+          .quantum = kQuantum * level.rule.error,
           .separates_boundary = level.separates_boundary,
           .limits = fault_limits({.is_cloud = is_cloud,
                                   .prefers_discs = level.prefers_discs,
@@ -128,7 +132,7 @@ std::vector<std::uint32_t> split_uncovered(RefineState& level, std::size_t first
   std::vector<SplitRequest> requests;
   std::vector<std::uint32_t> references;
   for (Tile& tile : std::span(level.result.tiles).subspan(first_tile)) {
-    if (tile.decision == LeafDecision::kExact) continue;
+    if (tile.decision != LeafDecision::kRasterize) continue;
     const PartitionNode& node = partition.nodes[tile.node];
     const auto count = static_cast<std::uint32_t>(tile.uncovered.size());
     const LeafDecision decision = decide_uncovered(count, node.count());

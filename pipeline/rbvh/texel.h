@@ -1,6 +1,7 @@
 // A tile's texels: their places in space, and the meaning of their 16 bits (docs/file_format.md).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -45,6 +46,22 @@ inline Vec3f unpack_normal(std::uint16_t packed) {
     n.y = (1 - std::abs(x)) * (y < 0 ? -1.f : 1.f);
   }
   return normalized(n);
+}
+
+/// The same, packed: octahedral, 8 bits a coordinate; never 0.
+inline std::uint16_t pack_normal(Vec3f n) {
+  const float sum = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
+  if (!(sum > 0)) return 0x8080;
+  float x = n.x / sum, y = n.y / sum;
+  if (n.z < 0) {
+    const float fold = (1 - std::abs(y)) * (n.x < 0 ? -1.f : 1.f);
+    y = (1 - std::abs(x)) * (n.y < 0 ? -1.f : 1.f);
+    x = fold;
+  }
+  const auto code = [](float value) {
+    return static_cast<std::uint32_t>(std::clamp(std::floor(value * 127 + 128.5f), 1.f, 255.f));
+  };
+  return static_cast<std::uint16_t>(code(x) | code(y) << 8);
 }
 
 /// A texel of the layer "color"; sRGB in [0, 1].

@@ -20,7 +20,7 @@ struct Tile {
   std::uint32_t texels_used = 0;
   std::size_t first_texel = 0;  ///< in TileTexels: row by row, width * height of them
   TileFlaws flaws;
-  LeafDecision decision = LeafDecision::kSplit;  ///< kSplit: it has no texels
+  LeafDecision decision = LeafDecision::kSplit;  ///< only with kRasterize it has texels
   Vec3f w;                                       ///< its normal, towards the surface's outside
   std::vector<std::uint32_t> uncovered;          ///< places among the references of uncovered triangles
 };

@@ -8,6 +8,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/leaf_policy.h"
+#include "pipeline/rbvh/leaf_rounding.h"
 
 namespace rbvh {
 namespace {
@@ -108,7 +109,7 @@ double texel_side(const PartitionNode& node, float rho, double longest) {
   double texel = std::sqrt(kFill / rho) * (area > 0 ? std::min(1.0, covered_area(node_facts) / area) : 1.0);
   texel = std::max(texel, longest / (16 * resolution + 4));
   texel = std::max(texel, longest / (kMaxSide - 16));
-  return std::max(texel, longest * 1e-6);
+  return round_texel(std::max(texel, longest * 1e-6));
 }
 
 /// The smallest rectangle among the angles, with as many texels as the paper's square tile.

@@ -15,6 +15,7 @@ namespace rbvh {
 
 struct RasterConfig {
   float rho = 0;                    ///< texels per unit of area, scan units: the paper's rho / total area
+  float quantum = 0;                ///< of heights, scan units; 0: a small part of a texel
   bool separates_boundary = false;  ///< primitives at boundary edges are not in tiles
   FaultLimits limits = {};
 };

@@ -27,7 +27,11 @@ std::vector<std::uint16_t> quantize(const TileRaster& raster, std::vector<Tile>&
     RBVH_CHECK(ranges[k].used > 0);
     bases[k] = ranges[k].lo;
     const auto range = static_cast<float>(ranges[k].hi - ranges[k].lo);
-    scales[k] = std::min(65534.0f / std::max(range, 1.0f), kQuantaPerTexel / from.texel_w);
+    // Fewer quanta within the level's error take fewer bits in the file.
+    const float per_texel = raster.config.quantum > 0
+                                ? std::min(kQuantaPerTexel, texel_size(from) / raster.config.quantum)
+                                : kQuantaPerTexel;
+    scales[k] = std::min(65534.0f / std::max(range, 1.0f), per_texel / from.texel_w);
     Tile& tile = finished[k];
     std::copy(std::begin(from.to_tile), std::end(from.to_tile), tile.leaf.to_tile);
     float* row = tile.leaf.to_tile + 8;

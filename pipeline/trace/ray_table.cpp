@@ -50,7 +50,7 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
   row[4] = found ? hit.u : 0;
   row[5] = found ? hit.v : 0;
   row[6] = found ? static_cast<float>(hit.leaf) : -1;
-  row[7] = found ? static_cast<float>(hit.flags) : 0;
+  row[7] = found ? static_cast<float>(hit.flags & RBVH_HIT_FLAGS) : 0;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/srgb.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
 
@@ -30,6 +31,15 @@ Vec3f linear_color(const Color8& c) { return {srgb_table()[c[0]], srgb_table()[c
 Vec3f unpack_color(std::uint16_t packed) {
   const Vec3f c = unpack_srgb(packed);
   return {srgb_to_linear(c.x), srgb_to_linear(c.y), srgb_to_linear(c.z)};
+}
+
+Vec3f linear_color_at(const Scan& primitives, const PrimitivePoint& at) {
+  if (primitives.colors.empty()) return kClay;
+  const Triangle corners = primitive_corners(primitives, at.primitive);
+  Vec3f color{};
+  for (std::size_t k = 0; k < 3; ++k)
+    color = color + linear_color(primitives.colors[corners[k]]) * at.weights[k];
+  return color;
 }
 
 // A hit's four texels in the atlas and how much each counts; those without a surface count nothing.
@@ -89,6 +99,7 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
   const Layer *heights = find_layer(level, "height"), *normals = find_layer(level, "normal"),
               *colors = find_layer(level, "color");
   RBVH_CHECK(heights != nullptr);
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   SurfaceSamples samples;
   samples.normals.resize(hits.size());
   if (colors) samples.colors.resize(hits.size());
@@ -96,6 +107,12 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
     for (std::size_t i = begin; i < end; ++i) {
       const Hit& hit = hits[i];
       if (!is_hit(hit)) continue;
+      if (const auto primitive = primitive_at(level, firsts[hit.leaf], hit)) {
+        const Vec3f normal = normal_at(level.primitives, *primitive);
+        samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
+        if (colors) samples.colors[i] = linear_color_at(level.primitives, *primitive);
+        continue;
+      }
       const Footprint f = footprint(level, heights->texels, hit);
       Vec3f normal{}, color{};
       float weight = 0;
@@ -106,10 +123,7 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
         if (colors) color = color + unpack_color(colors->texels[f.texels[k]]) * f.weights[k];
       }
       normal = normalized(normal);
-      // A leaf that keeps its primitives may have some that its texels do not show.
-      const Vec3f geometric = array3(hit.normal);
-      const bool fits = (hit.flags & RBVH_HIT_TRIANGLE_LEAF) == 0 || dot(normal, geometric) > 0.5f;
-      samples.normals[i] = dot(normal, normal) > 0.5f && fits ? normal : geometric;
+      samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
       if (colors) samples.colors[i] = weight > 0 ? color * (1 / weight) : kClay;
     }
   });

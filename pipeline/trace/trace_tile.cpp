@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <span>
 
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/bvh/wide_bvh.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/tile.h"
 #include "pipeline/trace/surface.h"
 
@@ -16,42 +16,24 @@ namespace {
 
 constexpr std::uint32_t kStackStep = 64;  ///< few stack sizes, as each is a kernel of its own
 
-/// At most PRIMITIVE_BLOCK_WIDTH primitives side by side, all of one tile.
-PrimitiveBlock make_block(std::span<const RbvhPrimitive> primitives, bool discs, std::uint32_t tile) {
+/// The level's primitives [first, first + count) side by side, at most PRIMITIVE_BLOCK_WIDTH, all of one tile.
+PrimitiveBlock make_block(const Scan& primitives, std::uint32_t first, std::uint32_t count,
+                          std::uint32_t tile) {
   // A disc's centre, radius and normal become centre, normal and radius.
   constexpr std::size_t kDiscRows[9] = {0, 1, 2, 6, 3, 4, 5, 7, 8};
   PrimitiveBlock block = empty_block();
-  for (std::size_t lane = 0; lane < primitives.size(); ++lane) {
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    const RbvhPrimitive shape = primitive_shape(primitives, first + static_cast<std::uint32_t>(lane));
     for (std::size_t i = 0; i < 9; ++i)
-      block.rows[discs ? kDiscRows[i] : i][lane] = primitives[lane].shape[i];
+      block.rows[primitives.radii.empty() ? i : kDiscRows[i]][lane] = shape.shape[i];
     block.ids[lane] = tile;
   }
   return block;
 }
 
-Bounds3f bounds_of(std::span<const RbvhPrimitive> primitives, bool discs) {
-  Bounds3f box;
-  for (const RbvhPrimitive& primitive : primitives) {
-    const float* s = primitive.shape;
-    const Vec3f a{s[0], s[1], s[2]}, radius{s[3], s[3], s[3]};
-    if (discs) {
-      box.add(a - radius);
-      box.add(a + radius);
-    } else {
-      for (const Vec3f& corner : {a, Vec3f{s[3], s[4], s[5]}, Vec3f{s[6], s[7], s[8]}}) box.add(corner);
-    }
-  }
-  return box;
-}
-
 float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
 
-/// A leaf for tracing, and its texels at the end of `heights`: tile by tile, a march stays within a few cache
-/// lines.
-RbvhTile make_tile(const Level& level, std::uint32_t leaf_index, const RbvhNode& node,
-                   std::vector<std::uint16_t>& heights) {
-  const RbvhLeaf& leaf = level.leaves[leaf_index];
-  const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
+RbvhTile make_tile(const RbvhLeaf& leaf, std::uint32_t leaf_index, const RbvhNode& node) {
   RbvhTile tile{};
   tile.leaf = leaf_index;
   tile.block = RBVH_NO_BLOCK;
@@ -60,20 +42,26 @@ RbvhTile make_tile(const Level& level, std::uint32_t leaf_index, const RbvhNode&
       tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
   std::copy_n(node.lo, 3, tile.lo);
   std::copy_n(node.hi, 3, tile.hi);
-  tile.offset = static_cast<std::uint32_t>(heights.size());
   tile.width = leaf.width;
   tile.height = leaf.height;
   tile.step_limit = kStepLimitTexels * row_length(leaf.to_tile + 8) / row_length(leaf.to_tile);
+  return tile;
+}
+
+/// Puts the tile's texels at the end of `heights`: tile by tile, a march stays within a few cache lines.
+void add_heights(const Level& level, const RbvhLeaf& leaf, RbvhTile& tile,
+                 std::vector<std::uint16_t>& heights) {
+  const std::vector<std::uint16_t>& atlas = level.layers[0].texels;
+  tile.offset = static_cast<std::uint32_t>(heights.size());
   for (std::size_t y = 0; y < leaf.height; ++y) {
     const auto row = atlas.begin() + static_cast<std::ptrdiff_t>((leaf.y + y) * level.atlas_width + leaf.x);
     heights.insert(heights.end(), row, row + leaf.width);
     tile.top = std::max(tile.top, static_cast<float>(*std::max_element(row, row + leaf.width)));
   }
-  return tile;
 }
 
-/// The tree for tracing. In the place of a leaf that fell back to exact primitives stands a tree of blocks of
-/// them, each a tile of its own. Tiles are numbered by leaf, then by block: the order of the tie rule.
+/// The tree for tracing. In the place of a leaf of primitives stands a tree of blocks of them, each a tile of
+/// its own. Tiles are numbered by leaf, then by block: the order of the tie rule.
 struct TraceTree {
   Bvh bvh;
   std::vector<RbvhTile> tiles;
@@ -84,18 +72,20 @@ BvhNode binary_node(const RbvhNode& n) {
   return {{{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}}, n.first, n.count};
 }
 
-/// Puts a tree of the primitives in the place of `node`.
-void add_blocks(std::span<const RbvhPrimitive> primitives, bool discs, std::uint32_t node, RbvhTile tile,
-                TraceTree& to) {
+/// Puts a tree of the leaf's primitives in the place of `node`.
+void add_blocks(const Level& level, std::uint32_t first, std::uint32_t node, RbvhTile tile, TraceTree& to) {
   const auto first_tile = static_cast<std::uint32_t>(to.tiles.size()),
              moved = static_cast<std::uint32_t>(to.bvh.nodes.size()) - 1;
+  const std::uint32_t all = level.leaves[tile.leaf].primitives;
   std::vector<Bounds3f> boxes;
-  for (std::size_t i = 0; i < primitives.size(); i += PRIMITIVE_BLOCK_WIDTH) {
-    const auto some =
-        primitives.subspan(i, std::min<std::size_t>(primitives.size() - i, PRIMITIVE_BLOCK_WIDTH));
-    boxes.push_back(bounds_of(some, discs));
+  for (std::uint32_t i = 0; i < all; i += PRIMITIVE_BLOCK_WIDTH) {
+    const std::uint32_t count = std::min<std::uint32_t>(all - i, PRIMITIVE_BLOCK_WIDTH);
+    Bounds3f& box = boxes.emplace_back();
+    for (std::uint32_t k = 0; k < count; ++k) box.add(primitive_bounds(level.primitives, first + i + k));
     tile.block = static_cast<std::uint32_t>(to.blocks.size());
-    to.blocks.push_back(make_block(some, discs, static_cast<std::uint32_t>(to.tiles.size())));
+    tile.offset = i;
+    to.blocks.push_back(
+        make_block(level.primitives, first + i, count, static_cast<std::uint32_t>(to.tiles.size())));
     to.tiles.push_back(tile);
   }
   const TopTree tree = build_top_tree(boxes);
@@ -114,14 +104,14 @@ TraceTree make_trace_tree(const Level& level, std::vector<std::uint16_t>& height
     tree.bvh.nodes.push_back(binary_node(node));
     if (node.count == 1) node_of[node.first] = n;
   }
-  auto exact = level.exact_leaves.begin();
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (std::uint32_t leaf = 0; leaf < level.leaves.size(); ++leaf) {
     const std::uint32_t node = node_of[leaf];
-    const RbvhTile tile = make_tile(level, leaf, level.nodes[node], heights);
-    if (exact != level.exact_leaves.end() && exact->leaf == leaf) {
-      add_blocks(std::span(level.exact_primitives).subspan(exact++->first, level.leaves[leaf].primitives),
-                 level.exact_discs, node, tile, tree);
+    RbvhTile tile = make_tile(level.leaves[leaf], leaf, level.nodes[node]);
+    if (firsts[leaf] != RBVH_NO_LEAF) {
+      add_blocks(level, firsts[leaf], node, tile, tree);
     } else {
+      add_heights(level, level.leaves[leaf], tile, heights);
       tree.bvh.nodes[node].first = static_cast<std::uint32_t>(tree.tiles.size());
       tree.tiles.push_back(tile);
     }
@@ -142,7 +132,7 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
   const WideBvh wide = widen_elements(tree.bvh);
   const std::uint32_t stack = (wide.stack + kStackStep - 1) / kStackStep * kStackStep;
   TileTracer tracer(device);
-  tracer.options = "-DSTACK=" + std::to_string(stack) + (level.exact_discs ? " -DDISCS" : "");
+  tracer.options = "-DSTACK=" + std::to_string(stack) + (holds_discs(level) ? " -DDISCS" : "");
   tracer.scene = wide.scene;
   tracer.nodes = {device, wide.nodes};
   tracer.tiles = {device, tree.tiles};

@@ -14,6 +14,7 @@
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_tile.h"
 #include "rbvh/camera.h"
@@ -160,8 +161,8 @@ void measure_memory(const Built& built, const Scan& scan, Report& report) {
                              level.texels_used});
     report.memory.push_back({"rbvh", level.name,
                              level.nodes.size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf),
-                             texel_bytes + level.exact_leaves.size() * sizeof(RbvhExactLeaf) +
-                                 level.exact_primitives.size() * sizeof(RbvhPrimitive)});
+                             texel_bytes + level.primitive_leaves.size() * sizeof(RbvhPrimitiveLeaf) +
+                                 primitive_count(level) * sizeof(RbvhPrimitive)});
   }
   report.memory.push_back({"exact", "SAH", built.exact.node_bytes(), built.exact.primitive_bytes()});
   const std::size_t vertex = scan.is_cloud() ? 7 * sizeof(float) : sizeof(Vec3f);

@@ -10,6 +10,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/scan/vertex_normals.h"
 #include "pipeline/trace/camera_rays.h"
 #include "rbvh/camera.h"
 #include "tests/exact_scenes.h"
@@ -157,13 +158,13 @@ TEST(TraceTile, HybridChoosesWhichLeavesFallBack) {
   const auto level_of = [&](float rho, Hybrid hybrid) {
     return build(scan, {{"Q", rho, 0.85f, 45}}, Refinement::kProjectedArea, hybrid).levels[0];
   };
-  EXPECT_EQ(level_of(2e5f, Hybrid::kOff).exact_leaves.size(), 0u);
-  EXPECT_GT(level_of(2e5f, Hybrid::kAuto).exact_leaves.size(), 20u);
+  EXPECT_EQ(level_of(2e5f, Hybrid::kOff).primitive_leaves.size(), 0u);
+  EXPECT_GT(level_of(2e5f, Hybrid::kAuto).primitive_leaves.size(), 20u);
   const Level coarse = level_of(2e4f, Hybrid::kAuto);
-  EXPECT_LT(coarse.exact_leaves.size(), coarse.leaves.size() / 4);
+  EXPECT_LT(coarse.primitive_leaves.size(), coarse.leaves.size() / 4);
   const Level level = level_of(2e4f, Hybrid::kAlways);
-  EXPECT_EQ(level.exact_leaves.size(), level.leaves.size());
-  EXPECT_EQ(level.exact_primitives.size(), scan.triangles.size());
+  EXPECT_EQ(level.primitive_leaves.size(), level.leaves.size());
+  EXPECT_EQ(level.primitives.triangles.size(), scan.triangles.size());
   const std::vector<Ray> rays = rays_at_sphere(500, property_seed(), false);
   const std::vector<Hit> hits = trace(level, rays);
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -179,8 +180,8 @@ TEST(TraceTile, LeavesThatFellBackAreHitExactly) {
   for (const Scan& scan : {thicket(400, seed), noisy_discs(40, seed)}) {
     const Level level =
         build(scan, {{"Q", 4e4f, 0.85f, 45}}, Refinement::kProjectedArea, Hybrid::kAuto).levels[0];
-    ASSERT_GT(level.exact_leaves.size(), 20u);
-    EXPECT_EQ(level.exact_discs, scan.is_cloud());
+    ASSERT_GT(level.primitive_leaves.size(), 20u);
+    EXPECT_EQ(level.primitives.is_cloud(), scan.is_cloud());
     const std::vector<Ray> rays = rays_at_sphere(1500, seed, false);
     const std::vector<Hit> hits = trace(level, rays), any = trace(level, rays, RayQuery::kAny);
     // Single triangles of the thicket are tiles: their outlines are a texel's error off.
@@ -220,12 +221,11 @@ TEST(TraceTile, NoRaySlipsBetweenExactPrimitives) {
   level.leaves.resize(1);
   level.leaves[0].primitives = static_cast<std::uint32_t>(scan.triangles.size());
   level.nodes = {{{-1e-4f, -1e-4f, -1e-4f}, 0, {0.0101f, 0.0101f, 0.0006f}, 1}};
-  level.exact_leaves = {{0, 0}};
-  level.exact_primitives.clear();
+  level.primitive_leaves = {{0, 0}};
+  level.primitives = scan;
+  level.primitives.normals = vertex_normals(scan);
   std::vector<Ray> rays;
   for (const Triangle& t : scan.triangles) {
-    RbvhPrimitive& primitive = level.exact_primitives.emplace_back();
-    for (std::size_t k = 0; k < 3; ++k) std::copy_n(&scan.positions[t[k]].x, 3, primitive.shape + 3 * k);
     for (int i = 0; i < 100; ++i) {
       const Vec3f a = scan.positions[t[0]], b = scan.positions[t[1]], p = a + (b - a) * at(random);
       if (p.x < 0.001f || p.x > 0.009f || p.y < 0.001f || p.y > 0.009f) continue;
@@ -399,8 +399,8 @@ bool same(const Level& a, const Level& b) {
   const auto bytes = [](const auto& x, const auto& y) {
     return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
   };
-  if (!bytes(a.nodes, b.nodes) || !bytes(a.leaves, b.leaves) || !bytes(a.exact_leaves, b.exact_leaves) ||
-      !bytes(a.exact_primitives, b.exact_primitives) || a.layers.size() != b.layers.size())
+  if (!bytes(a.nodes, b.nodes) || !bytes(a.leaves, b.leaves) || !bytes(a.primitive_leaves, b.primitive_leaves) ||
+      a.primitives.positions != b.primitives.positions || a.primitives.triangles != b.primitives.triangles || a.layers.size() != b.layers.size())
     return false;
   for (std::size_t i = 0; i < a.layers.size(); ++i)
     if (!bytes(a.layers[i].texels, b.layers[i].texels)) return false;

@@ -92,16 +92,16 @@ inline void expect_equal(const Rbvh& a, const Rbvh& b) {
     EXPECT_EQ(std::memcmp(p.nodes.data(), q.nodes.data(), p.nodes.size() * sizeof(RbvhNode)), 0);
     ASSERT_EQ(p.leaves.size(), q.leaves.size());
     EXPECT_EQ(std::memcmp(p.leaves.data(), q.leaves.data(), p.leaves.size() * sizeof(RbvhLeaf)), 0);
-    EXPECT_EQ(p.exact_discs, q.exact_discs);
-    ASSERT_EQ(p.exact_leaves.size(), q.exact_leaves.size());
-    for (std::size_t k = 0; k < p.exact_leaves.size(); ++k) {
-      EXPECT_EQ(p.exact_leaves[k].leaf, q.exact_leaves[k].leaf);
-      EXPECT_EQ(p.exact_leaves[k].first, q.exact_leaves[k].first);
+    ASSERT_EQ(p.primitive_leaves.size(), q.primitive_leaves.size());
+    for (std::size_t k = 0; k < p.primitive_leaves.size(); ++k) {
+      EXPECT_EQ(p.primitive_leaves[k].leaf, q.primitive_leaves[k].leaf);
+      EXPECT_EQ(p.primitive_leaves[k].first, q.primitive_leaves[k].first);
     }
-    ASSERT_EQ(p.exact_primitives.size(), q.exact_primitives.size());
-    for (std::size_t k = 0; k < p.exact_primitives.size(); ++k)
-      EXPECT_TRUE(std::equal(p.exact_primitives[k].shape, p.exact_primitives[k].shape + 9,
-                             q.exact_primitives[k].shape));
+    EXPECT_EQ(p.primitives.positions, q.primitives.positions);
+    EXPECT_EQ(p.primitives.normals, q.primitives.normals);
+    EXPECT_EQ(p.primitives.colors, q.primitives.colors);
+    EXPECT_EQ(p.primitives.radii, q.primitives.radii);
+    EXPECT_EQ(p.primitives.triangles, q.primitives.triangles);
     ASSERT_EQ(p.layers.size(), q.layers.size());
     for (std::size_t k = 0; k < p.layers.size(); ++k) {
       EXPECT_EQ(p.layers[k].name, q.layers[k].name);

@@ -32,20 +32,21 @@ Rbvh make_large_rbvh() {
   return rbvh;
 }
 
-// The last two of the small pair's three leaves have exact primitives, 2 and 1.
-Rbvh make_exact_rbvh() {
+// The last two of the small pair's three leaves hold primitives, 2 and 1.
+Rbvh make_rbvh_of_discs() {
   Rbvh rbvh = make_small_rbvh();
   Level& level = rbvh.levels[0];
   level.leaves[1].primitives = 2;
   level.leaves[2].primitives = 1;
-  level.exact_leaves = {{1, 0}, {2, 2}};
-  level.exact_primitives = {{{0, 0, 0, 1, 0, 0, 1}}, {{1, 0, 0, 0.5f, 0, 1, 0}}, {{0.5f, 0, 0, 0, 1, 0, 0}}};
-  level.exact_discs = true;
+  level.primitive_leaves = {{1, 0}, {2, 2}};
+  level.primitives.positions = {{0, 0, 0}, {1, 0, 0}, {0.5f, 0, 0}};
+  level.primitives.radii = {1, 0.5f, 0};
+  level.primitives.normals = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}};
   return rbvh;
 }
 
 TEST_F(RbvhFileTest, RoundTrip) {
-  for (const Rbvh& rbvh : {make_small_rbvh(), make_large_rbvh(), make_exact_rbvh()}) {
+  for (const Rbvh& rbvh : {make_small_rbvh(), make_large_rbvh(), make_rbvh_of_discs()}) {
     const RbvhBytes bytes = write_rbvh(path("a.rbvh"), rbvh, true);
     EXPECT_EQ(bytes.hierarchy, fs::file_size(path("a.rbvh")));
     EXPECT_EQ(bytes.atlas, fs::file_size(path("a.atlas.tif")));
@@ -168,7 +169,7 @@ TEST_F(RbvhFileTest, Versions) {
       put(bytes, find_seal(bytes).value() + 18, minor);
     });
   };
-  expect_contains(with_version(kFormatMajor + 1, 0), "newer than the 1.x that this rbvh reads");
+  expect_contains(with_version(kFormatMajor + 1, 0), "newer than the 2.x and older that this rbvh reads");
   EXPECT_EQ(with_version(kFormatMajor, 0), "");      // the oldest minor
   EXPECT_EQ(with_version(kFormatMajor, 65535), "");  // newer minors only add
   EXPECT_NE(with_version(0, 9), "");
@@ -218,23 +219,27 @@ TEST_F(RbvhFileTest, HostileTiles) {
 
 TEST_F(RbvhFileTest, HostilePrimitives) {
   const auto fault = [&](const std::function<void(Level&)>& change) {
-    Rbvh rbvh = make_exact_rbvh();
+    Rbvh rbvh = make_rbvh_of_discs();
     change(rbvh.levels[0]);
     return find_fault(rbvh).value_or("");
   };
   EXPECT_EQ(fault([](Level&) {}), "");
-  expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 3; }), "leaf 3 of 3");
-  expect_contains(fault([](Level& l) { l.exact_leaves[1].leaf = 1; }), "out of order");
-  expect_contains(fault([](Level& l) { l.exact_leaves[1].first = 1; }), "from number 1 on");
-  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "has 0 exact");
-  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "has 4294967295 exact");
-  expect_contains(fault([](Level& l) { l.exact_primitives.push_back({}); }),
-                  "4 exact primitives, and leaves that use 3");
-  expect_contains(fault([](Level& l) { l.exact_leaves.clear(); }),
-                  "3 exact primitives, and leaves that use 0");
-  expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[8] = std::nanf(""); }), "not finite");
-  expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[3] = -1; }), "radius is negative");
-  expect_contains(fault([](Level& l) { l.exact_primitives[2].shape[4] = 2; }), "not of length 1");
+  expect_contains(fault([](Level& l) { l.primitive_leaves[1].leaf = 3; }), "leaf 3 of 3");
+  expect_contains(fault([](Level& l) { l.primitive_leaves[1].leaf = 1; }), "out of order");
+  expect_contains(fault([](Level& l) { l.primitive_leaves[1].first = 1; }), "from number 1 on");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0; }), "has 0 primitives");
+  expect_contains(fault([](Level& l) { l.leaves[2].primitives = 0xffffffffu; }), "has 4294967295 primitives");
+  expect_contains(fault([](Level& l) {
+                    l.primitives.positions.push_back({});
+                    l.primitives.radii.push_back(1);
+                    l.primitives.normals.push_back({0, 0, 1});
+                  }),
+                  "4 primitives, and leaves that use 3");
+  expect_contains(fault([](Level& l) { l.primitive_leaves.clear(); }), "3 primitives, and leaves that use 0");
+  expect_contains(fault([](Level& l) { l.primitives.positions[2].z = std::nanf(""); }), "not finite");
+  expect_contains(fault([](Level& l) { l.primitives.radii[2] = -1; }), "negative");
+  expect_contains(fault([](Level& l) { l.primitives.normals[2].x = 2; }), "not of length 1");
+  expect_contains(fault([](Level& l) { l.primitives.normals.pop_back(); }), "other numbers");
 }
 
 TEST_F(RbvhFileTest, HostileVectors) {

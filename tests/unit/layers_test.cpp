@@ -10,6 +10,7 @@
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_painting.h"
 #include "pipeline/rbvh/layer_sampling.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "tests/property.h"
@@ -55,17 +56,17 @@ Scan ball_and_crossing_sheets() {
 TEST(PointQuery, FindsEveryPointOfTheSurface) {
   const Scan scan = ball_and_crossing_sheets();
   const std::vector<Vec3f> points = points_on(scan, 4000);
-  std::size_t exact_leaves = 0;
+  std::size_t primitive_leaves = 0;
   for (const char* name : {"Q0", "Q2", "Q4"}) {
     const Level level = build_level(scan, name);
-    exact_leaves += level.exact_leaves.size();
+    primitive_leaves += level.primitive_leaves.size();
     const PointHits hits = query_points(make_point_index(Device::open(), level), points);
     ASSERT_EQ(hits.points(), points.size());
     for (std::size_t i = 0; i < points.size(); ++i)
       EXPECT_FALSE(covering(level, hits.of(i), kMost).empty())
           << name << " point " << i << " " << points[i].x << " " << points[i].y << " " << points[i].z;
   }
-  EXPECT_GT(exact_leaves, 0u);
+  EXPECT_GT(primitive_leaves, 0u);
 }
 
 TEST(PointQuery, FindsTheLeavesThatBruteForceFinds) {
@@ -73,6 +74,7 @@ TEST(PointQuery, FindsTheLeavesThatBruteForceFinds) {
   const Level level = build_level(scan, "Q3");
   const std::vector<Vec3f> points = points_on(scan, 500);
   const std::vector<std::uint16_t>& heights = level.layers[0].texels;
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (const float radius : {0.0f, 0.2f}) {
     const PointHits hits = query_points(make_point_index(Device::open(), level), points, radius);
     for (std::size_t i = 0; i < points.size(); ++i) {
@@ -97,10 +99,9 @@ TEST(PointQuery, FindsTheLeavesThatBruteForceFinds) {
           continue;
         }
         if (away2 > radius * radius) continue;
-        const bool is_exact = std::any_of(level.exact_leaves.begin(), level.exact_leaves.end(),
-                                          [&](const RbvhExactLeaf& e) { return e.leaf == node.first; });
+        const bool is_exact = firsts[node.first] != RBVH_NO_LEAF;
         bool covers = at.x >= 0 && at.y >= 0 && at.x <= leaf.width - 1 && at.y <= leaf.height - 1;
-        if (covers) {
+        if (covers && !is_exact) {
           const std::size_t x = std::min<std::size_t>(static_cast<std::size_t>(at.x), leaf.width - 2u),
                             y = std::min<std::size_t>(static_cast<std::size_t>(at.y), leaf.height - 2u);
           const std::size_t texel = (leaf.y + y) * level.atlas_width + leaf.x + x;

@@ -172,10 +172,10 @@ TEST(LeafPolicy, GoodTilesAreRasterized) {
 TEST(LeafPolicy, LeavesFallBackWherePrimitivesAreFewerBytes) {
   // 11 texels take as many bytes as a primitive.
   EXPECT_EQ(decide({.primitives = 10, .texels = 109}), LeafDecision::kRasterize);
-  EXPECT_EQ(decide({.primitives = 10, .texels = 110}), LeafDecision::kExact);
+  EXPECT_EQ(decide({.primitives = 10, .texels = 110}), LeafDecision::kPrimitives);
   EXPECT_EQ(decide({.primitives = 10, .texels = 110}, Hybrid::kOff), LeafDecision::kRasterize);
   // Up to 64: more are slower to intersect than any tile is to march.
-  EXPECT_EQ(decide({.primitives = 64, .texels = 10000}), LeafDecision::kExact);
+  EXPECT_EQ(decide({.primitives = 64, .texels = 10000}), LeafDecision::kPrimitives);
   EXPECT_EQ(decide({.primitives = 65, .texels = 10000}), LeafDecision::kRasterize);
 }
 
@@ -184,7 +184,7 @@ TEST(LeafPolicy, FaultyTilesFallBackOrAreSplit) {
     return TileFacts{
         .primitives = primitives, .texels = 100, .surface_texels = surface_texels, .is_faulty = true};
   };
-  EXPECT_EQ(decide(faulty(32)), LeafDecision::kExact);
+  EXPECT_EQ(decide(faulty(32)), LeafDecision::kPrimitives);
   EXPECT_EQ(decide(faulty(33)), LeafDecision::kSplit) << "too many to store for one fault";
   EXPECT_EQ(decide(faulty(32), Hybrid::kOff), LeafDecision::kSplit);
   EXPECT_EQ(decide(faulty(1), Hybrid::kOff), LeafDecision::kRasterize) << "there is nothing to split";
@@ -200,11 +200,11 @@ TEST(LeafPolicy, CloudsOfDiscsAreSplitUntilAllFallBack) {
   good.is_faulty = false;
   EXPECT_EQ(decide(good, Hybrid::kAuto, true), LeafDecision::kRasterize);
   good.primitives = 64;
-  EXPECT_EQ(decide(good, Hybrid::kAuto, true), LeafDecision::kExact);
+  EXPECT_EQ(decide(good, Hybrid::kAuto, true), LeafDecision::kPrimitives);
 }
 
 TEST(LeafPolicy, AlwaysSplitsUntilAllFallBack) {
-  EXPECT_EQ(decide({.primitives = 64, .texels = 4}, Hybrid::kAlways), LeafDecision::kExact);
+  EXPECT_EQ(decide({.primitives = 64, .texels = 4}, Hybrid::kAlways), LeafDecision::kPrimitives);
   EXPECT_EQ(decide({.primitives = 65, .texels = 4}, Hybrid::kAlways), LeafDecision::kSplit);
 }
 
@@ -213,16 +213,16 @@ TEST(LeafPolicy, UncoveredTrianglesAreExactWhereTheyAreTogether) {
   const auto group = [](std::uint32_t primitives, std::uint32_t texels) {
     return TileFacts{.primitives = primitives, .texels = texels, .is_uncovered_group = true};
   };
-  EXPECT_EQ(decide(group(2, 128)), LeafDecision::kExact);
+  EXPECT_EQ(decide(group(2, 128)), LeafDecision::kPrimitives);
   EXPECT_EQ(decide(group(2, 129)), LeafDecision::kSplit);
-  EXPECT_EQ(decide(group(1, 100000)), LeafDecision::kExact) << "a single one cannot be split";
+  EXPECT_EQ(decide(group(1, 100000)), LeafDecision::kPrimitives) << "a single one cannot be split";
   EXPECT_EQ(decide(group(65, 10)), LeafDecision::kSplit);
 }
 
 TEST(LeafPolicy, UncoveredTrianglesAreSplitOffTheirTile) {
   EXPECT_EQ(decide_uncovered(0, 10), LeafDecision::kRasterize);
   EXPECT_EQ(decide_uncovered(1, 10), LeafDecision::kSplit);
-  EXPECT_EQ(decide_uncovered(10, 10), LeafDecision::kExact) << "all of them: there is nothing to split off";
+  EXPECT_EQ(decide_uncovered(10, 10), LeafDecision::kPrimitives) << "all of them: there is nothing to split off";
   EXPECT_EQ(decide_uncovered(65, 65), LeafDecision::kRasterize) << "too many for a leaf";
 }
 

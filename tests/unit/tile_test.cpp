@@ -157,16 +157,19 @@ TEST(Tile, OfDiscsFollowsTheirPlane) {
 
 TEST(Atlas, TilesDoNotOverlap) {
   std::vector<Tile> tiles(300);
+  std::vector<RbvhLeaf*> leaves;
   TileTexels texels;
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     tiles[k].leaf.width = static_cast<std::uint16_t>(2 + k * 7 % 31);
     tiles[k].leaf.height = static_cast<std::uint16_t>(2 + k * 13 % 29);
+    tiles[k].decision = LeafDecision::kRasterize;
+    leaves.push_back(&tiles[k].leaf);
     tiles[k].first_texel = texels.heights.size();
     texels.heights.insert(texels.heights.end(),
                           static_cast<std::size_t>(tiles[k].leaf.width) * tiles[k].leaf.height,
                           static_cast<std::uint16_t>(k + 1));
   }
-  const AtlasSize size = pack_tiles(tiles);
+  const AtlasSize size = pack_tiles(leaves);
   const std::vector<std::uint16_t> atlas = assemble_layer(tiles, texels.heights, size);
   ASSERT_EQ(atlas.size(), static_cast<std::size_t>(size.width) * size.height);
   std::vector<std::size_t> counts(tiles.size() + 1);

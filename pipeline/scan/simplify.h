@@ -1,0 +1,14 @@
+// Fewer primitives within an error: what a level is built from.
+#pragma once
+
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+/// A mesh by edge collapse under quadric errors (Garland & Heckbert 1997; meshoptimizer), up to `error` (scan
+/// units, about the rms distance): its vertices are some of the scan's, with their attributes. Objects stay
+/// apart, and no component vanishes: one that would keeps its triangles. A cloud stays as it is. Viewpoints
+/// and scalar properties are left out. Deterministic.
+Scan simplify(const Scan& scan, float error);
+
+}  // namespace rbvh
