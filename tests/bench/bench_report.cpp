@@ -1,9 +1,9 @@
 #include "tests/bench/bench_report.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "io/output_file.h"
 #include "tests/bench/paper_tables.h"
 
 namespace rbvh::bench {
@@ -14,13 +14,6 @@ double median_of(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t middle = values.size() / 2;
   return values.size() % 2 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-}
-
-template <class... Args>
-std::string format(const char* pattern, Args... args) {
-  char text[512];
-  std::snprintf(text, sizeof text, pattern, args...);
-  return text;
 }
 
 const RaysResult* find_rays(const Report& report, const std::string& rays, const std::string& engine,
@@ -357,6 +350,13 @@ std::string json(const std::vector<Report>& reports) {
     all.push_back(j);
   }
   return all.dump(2) + "\n";
+}
+
+void write_report(const std::string& path, const std::string& text) {
+  if (path.empty()) return;
+  OutputFile file(path, true);
+  file.write(text);
+  file.commit();
 }
 
 }  // namespace rbvh::bench

@@ -3,10 +3,19 @@
 #pragma once
 
 #include <cstdint>
+#include <cstdio>
 #include <string>
 #include <vector>
 
 namespace rbvh::bench {
+
+/// printf() into a string.
+template <class... Args>
+std::string format(const char* pattern, Args... args) {
+  char text[512];
+  std::snprintf(text, sizeof text, pattern, args...);
+  return text;
+}
 
 /// The same work, timed in every repetition.
 struct Timing {
@@ -78,5 +87,8 @@ int compare_with_best(Report& report, const std::string& rays);
 std::string markdown(const std::vector<Report>& reports, const std::vector<int>& tables);
 std::string csv(const std::vector<Report>& reports);
 std::string json(const std::vector<Report>& reports);
+
+/// Replaces the file; nothing where `path` is empty. Throws Error(kFailure).
+void write_report(const std::string& path, const std::string& text);
 
 }  // namespace rbvh::bench

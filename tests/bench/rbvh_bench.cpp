@@ -3,12 +3,9 @@
 // nothing.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
 
-#include "io/output_file.h"
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -17,15 +14,12 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_tile.h"
-#include "rbvh/camera.h"
-#include "tests/bench/bench_rays.h"
 #include "tests/bench/bench_report.h"
+#include "tests/bench/contenders.h"
 #include "tests/bench/embree_scene.h"
 
 namespace rbvh::bench {
 namespace {
-
-constexpr std::uint32_t kSeed = 1;
 
 struct Options {
   std::vector<std::string> scans;
@@ -36,36 +30,6 @@ struct Options {
   std::vector<int> tables = {1, 2, 3, 4};  ///< of the paper
   bool wants(int table) const { return std::find(tables.begin(), tables.end(), table) != tables.end(); }
 };
-
-double seconds_of(const std::function<void()>& work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-/// Something that traces the rays of one kind, and its result.
-struct Contender {
-  RaysResult result;
-  std::function<void()> trace;
-  std::function<std::size_t()> count_hits;
-};
-
-std::size_t count_hits(const std::vector<Hit>& hits) {
-  return static_cast<std::size_t>(
-      std::count_if(hits.begin(), hits.end(), [](const Hit& hit) { return hit.leaf != RBVH_NO_LEAF; }));
-}
-
-/// One unmeasured round, then rounds over all contenders, so that a slow phase of the machine slows all.
-void run_interleaved(std::vector<Contender>& contenders, int repetitions, Report& report) {
-  for (Contender& c : contenders) {
-    c.trace();
-    c.result.hits = c.count_hits();
-  }
-  for (int i = 0; i < repetitions; ++i) {
-    for (Contender& c : contenders) c.result.timing.seconds.push_back(seconds_of(c.trace));
-  }
-  for (Contender& c : contenders) report.rays.push_back(std::move(c.result));
-}
 
 void add_phase(BuildResult& build, const std::string& name, double seconds) {
   for (BuildResult::Phase& phase : build.phases) {
@@ -175,37 +139,6 @@ void measure_memory(const Built& built, const Scan& scan, Report& report) {
   }
 }
 
-/// The rays that all are timed with.
-struct TimedRays {
-  CameraRays words{};
-  std::vector<Ray> primary, diffuse;
-  Buffer<Ray> diffuse_buffer;
-  Buffer<Hit> hits;
-};
-
-TimedRays make_rays(const Device& device, const ExactTracer& exact, const Options& options,
-                    const Bounds3f& box, bool cloud) {
-  TimedRays timed;
-  const Bounds3d bounds = {static_cast<Vec3d>(box.lo), static_cast<Vec3d>(box.hi)};
-  const Camera camera = place_camera({}, bounds, cloud ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}, 1.0);
-  timed.words = camera_rays(camera, options.resolution, options.resolution);
-  timed.primary = primary_rays(timed.words);
-  timed.hits = Buffer<Hit>(device, timed.primary.size());
-  exact.intersect(Buffer<Ray>(device, timed.primary), timed.hits, timed.primary.size(), RayQuery::kNearest);
-  const float offset = static_cast<float>(options.bounce_offset) * box.diagonal();
-  timed.diffuse = diffuse_rays(timed.primary, timed.hits.read(), offset, kSeed);
-  timed.diffuse_buffer = Buffer<Ray>(device, timed.diffuse);
-  return timed;
-}
-
-void trace(const Device& device, const auto& tracer, const TimedRays& rays, bool is_primary) {
-  if (is_primary)
-    tracer.intersect(rays.words, rays.hits);
-  else
-    tracer.intersect(rays.diffuse_buffer, rays.hits, rays.diffuse.size(), RayQuery::kNearest);
-  device.finish();
-}
-
 /// The paper's table 1: where nodes are split, and by whom, at the finest level.
 void measure_splits(const Device& device, const Scan& scan, const TimedRays& rays, const Options& options,
                     Report& report) {
@@ -226,52 +159,28 @@ void measure_splits(const Device& device, const Scan& scan, const TimedRays& ray
       tracers.push_back(make_tile_tracer(device, rbvh.levels[0]));
     }
   for (int i = -1; i < options.repetitions; ++i)
-    for (const bool is_primary : {true, false})
+    for (const std::string kind : {"primary", "diffuse"})
       for (std::size_t k = 0; k < tracers.size(); ++k) {
-        if (!is_primary && rays.diffuse.empty()) continue;
-        const double seconds = seconds_of([&] { trace(device, tracers[k], rays, is_primary); });
-        RaysResult& result = is_primary ? report.splits[k].primary : report.splits[k].diffuse;
-        result.count = is_primary ? rays.primary.size() : rays.diffuse.size();
+        if (rays.of(kind).empty()) continue;
+        const double seconds = seconds_of([&] { trace(tracers[k], kind, rays); });
+        RaysResult& result = kind == "primary" ? report.splits[k].primary : report.splits[k].diffuse;
+        result.count = rays.of(kind).size();
         if (i >= 0) result.timing.seconds.push_back(seconds);
       }
 }
 
 void measure_rays(const Device& device, const Built& built, const Options& options, const TimedRays& rays,
                   Report& report) {
-  const std::vector<Ray>&primary = rays.primary, &diffuse = rays.diffuse;
   std::vector<TileTracer> tracers;
   for (const Level& level : built.rbvh.levels) tracers.push_back(make_tile_tracer(device, level));
-  const std::vector<EmbreeBuild> builds = embree_builds();
   for (const std::string kind : {"primary", "diffuse"}) {
-    const bool is_primary = kind == "primary";
-    const std::size_t count = is_primary ? primary.size() : diffuse.size();
-    if (count == 0) continue;
-    const auto device_hits = [&] {
-      std::vector<Hit> read(count);
-      rays.hits.read(read);
-      return count_hits(read);
-    };
-    const auto device_contender = [&](const std::string& engine, const std::string& name,
-                                      const auto& tracer) {
-      return Contender{{kind, engine, name, count, 0, {}, 0},
-                       [&, is_primary] { trace(device, tracer, rays, is_primary); },
-                       device_hits};
-    };
+    if (rays.of(kind).empty()) continue;
     std::vector<Contender> contenders;
-    for (std::size_t i = 0; i < tracers.size(); ++i) {
-      contenders.push_back(device_contender("rbvh", built.rbvh.levels[i].name, tracers[i]));
-    }
-    contenders.push_back(device_contender("exact", "SAH", built.exact));
-    const EmbreeRays embree_rays(is_primary ? primary : diffuse, is_primary);
-    std::vector<Hit> embree_hits;
-    for (std::size_t i = 0; i < built.embree.size(); ++i) {
-      for (const EmbreeVariant& variant : embree_variants()) {
-        contenders.push_back(
-            {{kind, "embree", builds[i].name + " " + variant.name, count, 0, {}, 0},
-             [&, i, variant] { built.embree[i].trace(variant.mode, embree_rays, embree_hits); },
-             [&] { return count_hits(embree_hits); }});
-      }
-    }
+    for (std::size_t i = 0; i < tracers.size(); ++i)
+      contenders.push_back(device_contender(kind, "rbvh", built.rbvh.levels[i].name, tracers[i], rays));
+    contenders.push_back(device_contender(kind, "exact", "SAH", built.exact, rays));
+    for (Contender& embree : embree_contenders(kind, built.embree, rays))
+      contenders.push_back(std::move(embree));
     run_interleaved(contenders, options.repetitions, report);
     compare_with_best(report, kind);
   }
@@ -295,17 +204,11 @@ Report measure(const Device& device, const std::string& path, const Options& opt
   report.resolution = options.resolution;
   const Built built = build_all(device, scan, options, report);
   measure_memory(built, scan, report);
-  const TimedRays rays = make_rays(device, built.exact, options, bounds(scan), scan.is_cloud());
+  const TimedRays rays =
+      make_timed_rays(device, built.exact, scan, options.resolution, options.bounce_offset);
   if (options.wants(2)) measure_rays(device, built, options, rays, report);
   if (options.wants(1)) measure_splits(device, scan, rays, options, report);
   return report;
-}
-
-void write(const std::string& path, const std::string& text) {
-  if (path.empty()) return;
-  OutputFile file(path, true);
-  file.write(text);
-  file.commit();
 }
 
 int run(int argc, char** argv) {
@@ -339,8 +242,8 @@ int run(int argc, char** argv) {
     for (const std::string& path : options.scans) {
       reports.push_back(measure(device, path, options));
       // After each scan: a long run that is stopped has something to show.
-      write(options.csv_path, csv(reports));
-      write(options.json_path, json(reports));
+      write_report(options.csv_path, csv(reports));
+      write_report(options.json_path, json(reports));
     }
     std::fputs(markdown(reports, options.tables).c_str(), stdout);
   } catch (const Error& error) {
