@@ -11,6 +11,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/atlas.h"
+#include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/texel.h"
@@ -19,6 +20,8 @@
 namespace rbvh {
 namespace {
 
+/// Where fewer texels have normals further from those of their heights, no normals are stored.
+constexpr double kNormalsApartDegrees = 20, kMostApart = 0.1;
 /// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
 constexpr float kSameNormal = 0.94f;
 
@@ -173,6 +176,8 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primiti
   }
   for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves)
     fit_frame(level.primitives, leaf.first, primitive_texel(area, config.rho), level.leaves[leaf.leaf]);
+  if (config.error > 0 && normals_apart(level, level.layers[1], kNormalsApartDegrees) < kMostApart)
+    level.layers.erase(level.layers.begin() + 1);
   return level;
 }
 

@@ -18,11 +18,13 @@ std::vector<std::uint32_t> weld(const Scan& scan) {
   if (!scan.normals.empty()) streams.push_back({scan.normals.data(), sizeof(Vec3f), sizeof(Vec3f)});
   if (!scan.colors.empty()) streams.push_back({scan.colors.data(), sizeof(Color8), sizeof(Color8)});
   std::vector<std::uint32_t> first_of(count);
-  const std::size_t unique = meshopt_generateVertexRemapMulti(first_of.data(), nullptr, count, count,
-                                                              streams.data(), streams.size());
-  // From the new numbers to the first vertex of each.
+  const std::size_t unique = meshopt_generateVertexRemapMulti(
+      first_of.data(), reinterpret_cast<const unsigned int*>(scan.triangles.data()),
+      3 * scan.triangles.size(), count, streams.data(), streams.size());
+  // From the new numbers to the first vertex of each; vertices that no triangle uses have none.
   std::vector<std::uint32_t> first(unique, 0xffffffffu);
   for (std::uint32_t i = 0; i < count; ++i) {
+    if (first_of[i] == 0xffffffffu) continue;
     std::uint32_t& vertex = first[first_of[i]];
     vertex = std::min(vertex, i);
     first_of[i] = vertex;

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/srgb.h"
+#include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
@@ -44,6 +45,7 @@ Vec3f linear_color_at(const Scan& primitives, const PrimitivePoint& at) {
 
 // A hit's four texels in the atlas and how much each counts; those without a surface count nothing.
 struct Footprint {
+  int x = 0, y = 0;  // of the first in its tile
   std::array<std::size_t, 4> texels{};
   std::array<float, 4> weights{};
 };
@@ -55,6 +57,8 @@ Footprint footprint(const Level& level, const std::vector<std::uint16_t>& height
   const std::size_t y = std::min(static_cast<std::size_t>(v), std::size_t{leaf.height} - 2);
   const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
   Footprint f;
+  f.x = static_cast<int>(x);
+  f.y = static_cast<int>(y);
   f.weights = {(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv};
   for (std::size_t i = 0; i < 4; ++i) {
     f.texels[i] = (leaf.y + y + i / 2) * level.atlas_width + leaf.x + x + i % 2;
@@ -119,7 +123,10 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
       for (std::size_t k = 0; k < 4; ++k) {
         if (!(f.weights[k] > 0)) continue;
         weight += f.weights[k];
-        if (normals) normal = normal + unpack_normal(normals->texels[f.texels[k]]) * f.weights[k];
+        const Vec3f own = normals ? unpack_normal(normals->texels[f.texels[k]])
+                                  : height_normal(level, level.leaves[hit.leaf], f.x + static_cast<int>(k % 2),
+                                                  f.y + static_cast<int>(k / 2));
+        normal = normal + own * f.weights[k];
         if (colors) color = color + unpack_color(colors->texels[f.texels[k]]) * f.weights[k];
       }
       normal = normalized(normal);
