@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <unordered_map>
 
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/top_tree.h"
@@ -342,9 +343,40 @@ LatticePoint to_lattice(const Lattice& lattice, Vec3f p) {
       continue;
     }
     const float at = std::round((p[axis] - lattice.origin[axis]) / lattice.step);
-    point.bits[k] = zigzag(static_cast<std::int32_t>(std::clamp(at, -2e9f, 2e9f)), 0);
+    point.bits[k] = static_cast<std::uint32_t>(static_cast<std::int32_t>(std::clamp(at, -2e9f, 2e9f)));
   }
   return point;
+}
+
+/// Which vertices follow from those before them: across the edge of a triangle that is already known lies the
+/// corner of a parallelogram (Touma & Gotsman 1998). Calls `predict(vertex, a, b, c)` for each vertex in the
+/// order of first use with a + b - c as its guess; a = b = c = RBVH_NO_LEAF: there is none.
+template <class Predict>
+void for_each_vertex(const std::vector<Triangle>& triangles, std::uint32_t vertices, Predict&& predict) {
+  std::unordered_map<std::uint64_t, std::uint32_t> opposite;  // of an edge, as seen from its other side
+  const auto edge = [](std::uint32_t from, std::uint32_t to) { return std::uint64_t{from} << 32 | to; };
+  std::uint32_t next = 0;
+  for (const Triangle& t : triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (t[k] != next) continue;
+      const std::uint32_t a = t[(k + 1) % 3], b = t[(k + 2) % 3];
+      const auto found = a < next && b < next ? opposite.find(edge(a, b)) : opposite.end();
+      if (found != opposite.end())
+        predict(next, a, b, found->second);
+      else
+        predict(next, RBVH_NO_LEAF, RBVH_NO_LEAF, RBVH_NO_LEAF);
+      ++next;
+    }
+    for (std::size_t k = 0; k < 3; ++k) opposite[edge(t[(k + 1) % 3], t[k])] = t[(k + 2) % 3];
+  }
+  for (; next < vertices; ++next) predict(next, RBVH_NO_LEAF, RBVH_NO_LEAF, RBVH_NO_LEAF);
+}
+
+std::int32_t guess(const std::vector<LatticePoint>& points, std::uint32_t vertex, std::uint32_t a,
+                   std::uint32_t b, std::uint32_t c, std::size_t axis) {
+  const auto at = [&](std::uint32_t i) { return points[i].bits[axis]; };  // whole numbers, modulo 2^32
+  if (a != RBVH_NO_LEAF) return static_cast<std::int32_t>(at(a) + at(b) - at(c));
+  return vertex > 0 ? static_cast<std::int32_t>(at(vertex - 1)) : 0;
 }
 
 Vec3f from_lattice(const Lattice& lattice, const LatticePoint& point) {
@@ -352,10 +384,50 @@ Vec3f from_lattice(const Lattice& lattice, const LatticePoint& point) {
   for (int axis = 0; axis < 3; ++axis) {
     const std::uint32_t bits = point.bits[static_cast<std::size_t>(axis)];
     p[axis] = lattice.step > 0
-                  ? lattice.origin[axis] + static_cast<float>(unzigzag(bits, 0)) * lattice.step
+                  ? lattice.origin[axis] + static_cast<float>(static_cast<std::int32_t>(bits)) * lattice.step
                   : std::bit_cast<float>(bits);
   }
   return p;
+}
+
+/// What is added to the guess, or to the vertex before where there is none; without a lattice the floats.
+Bytes encode_positions(const Scan& primitives, const Lattice& lattice) {
+  std::vector<LatticePoint> points;
+  for (const Vec3f& p : primitives.positions) points.push_back(to_lattice(lattice, p));
+  if (!(lattice.step > 0)) return encode_vertices(points);
+  std::vector<std::uint32_t> residuals[3];
+  const auto count = static_cast<std::uint32_t>(points.size());
+  for_each_vertex(primitives.triangles, count,
+                  [&](std::uint32_t vertex, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+                    for (std::size_t k = 0; k < 3; ++k)
+                      residuals[k].push_back(zigzag(static_cast<std::int32_t>(points[vertex].bits[k]),
+                                                    guess(points, vertex, a, b, c, k)));
+                  });
+  Columns columns;
+  for (const auto& column : residuals) columns.add(column);
+  return compress(columns.raw);
+}
+
+bool decode_positions(const Bytes& packed, std::size_t count, const Lattice& lattice, Scan& primitives) {
+  std::vector<LatticePoint> points;
+  if (!(lattice.step > 0)) {
+    if (!decode_vertices(packed, count, points)) return false;
+  } else {
+    Bytes raw;
+    if (!decompress(packed, 12 * count, raw) || raw.size() != 12 * count) return false;
+    ColumnReader reader(raw);
+    std::vector<std::uint32_t> residuals[3];
+    for (auto& column : residuals) column = reader.take<std::uint32_t>(count);
+    points.resize(count);
+    for_each_vertex(primitives.triangles, static_cast<std::uint32_t>(count),
+                    [&](std::uint32_t vertex, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+                      for (std::size_t k = 0; k < 3; ++k)
+                        points[vertex].bits[k] = static_cast<std::uint32_t>(
+                            unzigzag(residuals[k][vertex], guess(points, vertex, a, b, c, k)));
+                    });
+  }
+  for (const LatticePoint& point : points) primitives.positions.push_back(from_lattice(lattice, point));
+  return true;
 }
 
 /// Of a mesh, a normal that its triangles do not give; 0: they do.
@@ -418,9 +490,7 @@ LevelStreams encode_streams(const Level& level, const std::string& path) {
   streams.leaves = encode_leaves(level);
   const Scan& primitives = level.primitives;
   if (primitives.positions.empty()) return streams;
-  std::vector<LatticePoint> points;
-  for (const Vec3f& p : primitives.positions) points.push_back(to_lattice(level.lattice, p));
-  streams.positions = encode_vertices(points);
+  streams.positions = encode_positions(primitives, level.lattice);
   streams.normals = encode_columns(stored_normals(primitives));
   if (!primitives.colors.empty()) {
     std::vector<PaddedColor> colors;
@@ -444,11 +514,6 @@ void decode_streams(const LevelStreams& streams, const LevelCounts& counts, doub
   std::vector<Bounds3f> boxes;
   if (!decode_leaves(streams.leaves, counts, level, boxes)) refuse(path, level, "leaves");
   Scan& primitives = level.primitives;
-  if (counts.vertices > 0) {
-    std::vector<LatticePoint> points;
-    if (!decode_vertices(streams.positions, counts.vertices, points)) refuse(path, level, "positions");
-    for (const LatticePoint& point : points) primitives.positions.push_back(from_lattice(level.lattice, point));
-  }
   if (!streams.colors.empty()) {
     std::vector<PaddedColor> colors;
     if (!decode_vertices(streams.colors, counts.vertices, colors)) refuse(path, level, "colours");
@@ -471,6 +536,8 @@ void decode_streams(const LevelStreams& streams, const LevelCounts& counts, doub
       for (const std::uint32_t vertex : t)
         if (vertex >= counts.vertices) refuse(path, level, "triangles");
   }
+  if (counts.vertices > 0 && !decode_positions(streams.positions, counts.vertices, level.lattice, primitives))
+    refuse(path, level, "positions");
   if (counts.vertices > 0) {
     std::vector<std::uint16_t> codes;
     if (!decode_columns(streams.normals, counts.vertices, codes)) refuse(path, level, "normals");

@@ -6,6 +6,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/rbvh/build_tuning.h"
+#include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/pack.h"
 #include "pipeline/rbvh/refine.h"
@@ -44,14 +45,51 @@ Lattice lattice_of(const LevelConfig& level, const Bounds3f& box) {
   return {box.lo, step};
 }
 
+LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float area, float diagonal,
+                    bool discs, const BuildTuning& tuning) {
+  const float texel = primitive_texel(static_cast<double>(area), level.rho),
+              error = discs || config.focus ? 0 : level.error;
+  return {.level = level,
+          .config = &config,
+          .area = area,
+          .largest_tile = tuning.largest_tile,
+          .error = level.error * diagonal,
+          .holds_primitives = holds_primitives(config.hybrid, error, texel, diagonal)};
+}
+
+/// The scan as far as it is simplified: each coarser level goes on from the one before.
+struct SimplifiedScan {
+  const Scan* scan;
+  Scan own = {};
+};
+
+Level build_of_primitives(const Device& device, SimplifiedScan& simplified, const LevelRule& rule,
+                          const Lattice& lattice, Stopwatch& watch, BuildTimings& time) {
+  if (rule.error > 0 && !simplified.scan->is_cloud()) {
+    simplified.own = simplify(*simplified.scan, rule.error);
+    simplified.scan = &simplified.own;
+    time.simplify += watch.lap();
+  }
+  const Primitives primitives = upload_primitives(device, *simplified.scan);
+  Partition partition = make_root(primitives, false, rule.config->split, rule.config->partition);
+  time.upload += watch.lap();
+  const auto splits = [&](const PartitionNode& node) { return wants_split(rule, node); };
+  if (splits(partition.nodes[0])) split_nodes(partition, primitives, {0}, splits);
+  time.partition += watch.lap();
+  RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
+  Level level = pack_level(rule.level, refined, primitives, *simplified.scan, rule.area, lattice);
+  time.pack += watch.lap();
+  return level;
+}
+
 }  // namespace
 
 const std::vector<LevelConfig>& standard_levels() {
   static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45, 1.6e-5f},
                                                   {"Q1", 1e6f, 0.80f, 50, 3.2e-5f},
-                                                  {"Q2", 512e3f, 0.75f, 55, 6.4e-5f},
-                                                  {"Q3", 128e3f, 0.70f, 60, 1.92e-4f},
-                                                  {"Q4", 32e3f, 0.65f, 65, 7.68e-4f}};
+                                                  {"Q2", 512e3f, 0.75f, 55, 5.8e-5f},
+                                                  {"Q3", 128e3f, 0.70f, 60, 1.7e-4f},
+                                                  {"Q4", 32e3f, 0.65f, 65, 6.9e-4f}};
   return levels;
 }
 
@@ -92,48 +130,41 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   BuildTimings& time = timings != nullptr ? *timings : unasked;
   time = {};
   Stopwatch watch;
+  report(progress, "upload", 0);
+  const Primitives primitives = upload_primitives(device, scan);
+  const bool cones = config.refinement == Refinement::kConeOfNormals;
+  Partition partition = make_root(primitives, cones, config.split, config.partition);
+  const float area = checked_area(config, partition.nodes[0].sums.area);
+  const Bounds3f box = bounds(scan);
+  time.upload += watch.lap();
+
+  std::vector<LevelRule> rules;
+  for (const LevelConfig& level : config.levels)
+    rules.push_back(make_rule(level, config, area, box.diagonal(), primitives.discs, tuning));
+  // One tree serves all levels of tiles.
+  const auto any_level_splits = [&](const PartitionNode& node) {
+    return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& rule) {
+      return !rule.holds_primitives && wants_split(rule, node);
+    });
+  };
+  if (any_level_splits(partition.nodes[0]))
+    split_nodes(partition, primitives, {0}, any_level_splits, progress);
+  time.partition += watch.lap();
+
   Rbvh rbvh;
-  float area = 0;
-  const float diagonal = bounds(scan).diagonal();
-  const Scan* source = &scan;  // what the next level is built from
-  Scan simplified;
-  for (auto next = config.levels.begin(); next != config.levels.end();) {
+  SimplifiedScan simplified{.scan = &scan};
+  for (const LevelRule& rule : rules) {
+    report(progress, "tiles", static_cast<double>(rbvh.levels.size()) / static_cast<double>(rules.size()));
     Stopwatch level_watch;
-    if (next->error > 0) {
-      simplified = simplify(*source, next->error * diagonal);
-      source = &simplified;
-      time.simplify += watch.lap();
-    }
-    // Levels by density alone share one partition.
-    auto end = next + 1;
-    while (next->error == 0 && end != config.levels.end() && end->error == 0) ++end;
-
-    report(progress, "upload", 0);
-    const Primitives primitives = upload_primitives(device, *source);
-    const bool cones = config.refinement == Refinement::kConeOfNormals;
-    Partition partition = make_root(primitives, cones, config.split, config.partition);
-    if (next == config.levels.begin()) area = checked_area(config, partition.nodes[0].sums.area);
-    time.upload += watch.lap();
-
-    std::vector<LevelRule> rules;
-    for (; next != end; ++next) rules.push_back({*next, &config, area, tuning.largest_tile, next->error * diagonal});
-    const auto any_level_splits = [&](const PartitionNode& node) {
-      return std::any_of(rules.begin(), rules.end(),
-                         [&](const LevelRule& rule) { return wants_split(rule, node); });
-    };
-    if (any_level_splits(partition.nodes[0]))
-      split_nodes(partition, primitives, {0}, any_level_splits, progress);
-    time.partition += watch.lap();
-
-    for (const LevelRule& rule : rules) {
-      report(progress, "tiles",
-             static_cast<double>(rbvh.levels.size()) / static_cast<double>(config.levels.size()));
+    const Lattice lattice = lattice_of(rule.level, box);
+    if (rule.holds_primitives) {
+      rbvh.levels.push_back(build_of_primitives(device, simplified, rule, lattice, watch, time));
+    } else {
       RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
-      rbvh.levels.push_back(pack_level(rule.level, refined, primitives, *source, area,
-                                       lattice_of(rule.level, bounds(scan))));
+      rbvh.levels.push_back(pack_level(rule.level, refined, primitives, scan, area, lattice));
       time.pack += watch.lap();
-      time.levels.push_back({rule.level.name, level_watch.lap()});
     }
+    time.levels.push_back({rule.level.name, level_watch.lap()});
   }
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();

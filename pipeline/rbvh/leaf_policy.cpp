@@ -23,6 +23,8 @@ constexpr std::uint32_t kTexelsPerPrimitive = 11;
 /// A leaf of uncovered triangles is not spread over more texels for each: its box would be mostly empty.
 constexpr std::uint32_t kMaxUncoveredTexels = 64;
 
+/// Of the diagonal.
+constexpr float kWidestTexel = 1.5e-3f;
 /// Texels for each disc from which on a cloud's leaves fall back to discs.
 constexpr float kTexelsPerDisc = 2;
 constexpr double kNoisyArea = 1.1;
@@ -57,6 +59,14 @@ bool wants_split(const NodeFacts& node, const LeafQuality& quality, Refinement r
   if (refinement == Refinement::kConeOfNormals)
     return node.cone_cosine < std::cos(quality.phi_degrees * std::numbers::pi_v<float> / 180);
   return node.projected_area < quality.alpha * node.area;
+}
+
+bool holds_primitives(Hybrid hybrid, float error, float texel, float diagonal) {
+  return hybrid == Hybrid::kAlways || (hybrid == Hybrid::kAuto && error > 0 && texel > kWidestTexel * diagonal);
+}
+
+bool wants_split_primitives(const NodeFacts& node) {
+  return node.objects > 1 || node.primitives > kMostPrimitives;
 }
 
 bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs) {

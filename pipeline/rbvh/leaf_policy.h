@@ -45,6 +45,15 @@ bool wants_split(const NodeFacts& node, const LeafQuality& quality, Refinement r
 
 // --- the level as a whole ---
 
+/// Whether all leaves of a mesh's level hold primitives, simplified within the level's error: where texels are
+/// wider than 1/670 of the scan's diagonal, depth steps between them show, and triangles of the same error
+/// take fewer bytes (docs/benchmarks.md). `texel`, `diagonal`: scan units. A level without an error keeps the
+/// paper's tiles.
+bool holds_primitives(Hybrid hybrid, float error, float texel, float diagonal);
+
+/// Whether a node of such a level is split further.
+bool wants_split_primitives(const NodeFacts& node);
+
 /// A cloud's leaves all fall back to discs where texels are finer than these: discs take no more bytes, and
 /// are exact.
 bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs);

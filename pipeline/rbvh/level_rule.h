@@ -12,6 +12,7 @@ struct LevelRule {
   float area = 1;          ///< that rho is for, scan units squared
   float largest_tile = 0;  ///< side in texels; 0: optimal_resolution()
   float error = 0;         ///< the level's, scan units; 0: its density alone decides
+  bool holds_primitives = false;  ///< all its leaves
 };
 
 /// Texels per scan unit squared that the level asks for at the node.

@@ -3,7 +3,9 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <span>
 #include <utility>
 
@@ -39,6 +41,37 @@ Vec3f center(const Scan& scan, std::uint32_t primitive) {
   if (scan.is_cloud()) return scan.positions[primitive];
   const Triangle& t = scan.triangles[primitive];
   return (scan.positions[t[0]] + scan.positions[t[1]] + scan.positions[t[2]]) * (1.0f / 3);
+}
+
+/// Orders a leaf's triangles so that each shares vertices with those before it: blocks of consecutive ones are
+/// close together, and the file's codec needs few bytes for them.
+void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) {
+  std::sort(primitives.begin(), primitives.end());  // their order depends on other levels' splits
+  std::vector<unsigned int> indices, vertices, ordered;
+  for (const std::uint32_t i : primitives)
+    indices.insert(indices.end(), scan.triangles[i].begin(), scan.triangles[i].end());
+  // With numbers from 0 on: the leaf's own vertices.
+  vertices = indices;
+  std::sort(vertices.begin(), vertices.end());
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  std::map<std::array<unsigned int, 3>, std::vector<std::uint32_t>> by_corners;
+  for (std::size_t k = 0; k < primitives.size(); ++k) {
+    std::array<unsigned int, 3> corners;
+    for (std::size_t c = 0; c < 3; ++c) {
+      unsigned int& index = indices[3 * k + c];
+      index = static_cast<unsigned int>(std::lower_bound(vertices.begin(), vertices.end(), index) -
+                                        vertices.begin());
+      corners[c] = index;
+    }
+    by_corners[corners].push_back(primitives[k]);
+  }
+  ordered.resize(indices.size());
+  meshopt_optimizeVertexCacheStrip(ordered.data(), indices.data(), indices.size(), vertices.size());
+  for (std::size_t k = 0; k < primitives.size(); ++k) {
+    std::vector<std::uint32_t>& same = by_corners.at({ordered[3 * k], ordered[3 * k + 1], ordered[3 * k + 2]});
+    primitives[k] = same.back();
+    same.pop_back();
+  }
 }
 
 /// Orders primitives so that those of one block are close together, by halving along the longest axis.
@@ -163,7 +196,10 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primiti
     const PartitionNode& node = refined.partition.nodes[tiles[k].node];
     for (std::uint32_t i = node.begin; i < node.end; ++i)
       of_tile[k].push_back(scan_primitives[references[i]]);
-    sort_into_blocks(of_tile[k], scan);
+    if (scan.is_cloud())
+      sort_into_blocks(of_tile[k], scan);
+    else
+      sort_into_strips(of_tile[k], scan);
     for (const std::uint32_t i : of_tile[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
   }
   TopTree tree = build_top_tree(boxes);

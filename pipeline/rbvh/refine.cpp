@@ -182,6 +182,18 @@ RefineState start_refining(const Primitives& primitives, const Partition& partit
   return level;
 }
 
+/// Leaves of primitives need no rasterising.
+void take_primitives(RefinedLevel& level, const std::vector<std::uint32_t>& leaves) {
+  for (const std::uint32_t n : leaves) {
+    const PartitionNode& node = level.partition.nodes[n];
+    Tile& tile = level.tiles.emplace_back();
+    tile.node = n;
+    tile.decision = LeafDecision::kPrimitives;
+    tile.leaf.primitives = node.count();
+    tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
+  }
+}
+
 }  // namespace
 
 RefinedLevel refine_level(const Primitives& primitives, const Partition& partition, const LevelRule& rule,
@@ -189,6 +201,10 @@ RefinedLevel refine_level(const Primitives& primitives, const Partition& partiti
   RefineState level = start_refining(primitives, partition, rule);
   Partition& own = level.result.partition;
   std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
+  if (rule.holds_primitives) {
+    take_primitives(level.result, leaves);
+    return std::move(level.result);
+  }
   if (level.separates_boundary) leaves = split_boundary(own, primitives, leaves);
   // The level's leaves, then the children of those whose tiles are faulty.
   for (bool is_first = true; !leaves.empty(); is_first = false) {
