@@ -78,13 +78,13 @@ std::string ratio_cells(const LodResult& r) {
   const TwinFigures& twin = *r.twin;
   const HitFidelity &own = r.figures.views.all, &other = twin.views.all;
   const auto ratio = [](auto a, auto b) {
-    return number("%.2f", static_cast<double>(a) / static_cast<double>(b)) + " | ";
+    return " " + number("%.2f", static_cast<double>(a) / static_cast<double>(b)) + " |";
   };
   const double no_time = std::numeric_limits<double>::quiet_NaN();
-  return " " + ratio(own.dt.median, other.dt.median) + ratio(own.dt.p99, other.dt.p99) +
-         ratio(own.mismatches, other.mismatches) + "| | | " + ratio(r.figures.disk_bytes, twin.disk_bytes) +
-         ratio(r.figures.memory_bytes, twin.memory_bytes) + number("%.2f", r.primary_of_twin) + " | " +
-         number("%.2f", r.diffuse_of_twin) + " | " +
+  return ratio(own.dt.median, other.dt.median) + ratio(own.dt.p99, other.dt.p99) +
+         ratio(own.mismatches, other.mismatches) + " | | |" + ratio(r.figures.disk_bytes, twin.disk_bytes) +
+         ratio(r.figures.memory_bytes, twin.memory_bytes) + " " + number("%.2f", r.primary_of_twin) + " | " +
+         number("%.2f", r.diffuse_of_twin) + " |" +
          ratio(r.figures.build_s.value_or(no_time), twin.build_s.value_or(no_time)) + "\n";
 }
 
