@@ -118,15 +118,15 @@ std::vector<LodResult> measure_levels_alone(const Bench& bench, const Asset& pai
   return results;
 }
 
-/// The twin as an asset, with its errors and bytes in memory and on disk.
-Asset make_twin(const Bench& bench, double error, std::size_t first_guess, TwinFigures& figures) {
+/// The twin as an asset, with its errors and bytes on disk. `known` as for find_twin().
+Asset make_twin(const Bench& bench, double error, std::vector<TwinTrial>& known, TwinFigures& figures) {
   const auto measure_error = [&](const Scan& mesh) {
     const std::unique_ptr<Tracer> tracer = make_tracer(bench.device, make_asset(Scan(mesh)));
     const CastView cast = cast_by(*tracer);
     figures.views = compare(bench, {&cast, 1})[0];
     return figures.views.all.dt.median;
   };
-  Twin twin = find_twin(bench.scan(), error, first_guess, measure_error);
+  Twin twin = find_twin(bench.scan(), error, measure_error, known);
   if (figures.views.all.dt.median != twin.error) measure_error(twin.mesh);  // the last trial was not the best
   figures.trials = twin.trials;
   figures.triangles = twin.mesh.triangles.size();
@@ -229,7 +229,7 @@ std::vector<LodResult> measure(const Device& device, const std::string& path, co
   TimedRays rays;
   if (!options.no_rates)
     rays = make_timed_rays(device, *bench.exact, bench.scan(), options.views.resolution, kBounceOffset);
-  std::size_t guess = bench.scan().triangles.size() / 2;
+  std::vector<TwinTrial> known;
   for (std::size_t i = 0; i < results.size(); ++i) {
     LodResult& result = results[i];
     Asset twin;
@@ -237,10 +237,9 @@ std::vector<LodResult> measure(const Device& device, const std::string& path, co
     if (!bench.asset.is_cloud) {
       const double error = result.figures.views.all.dt.median;
       result.twin.emplace();
-      twin = make_twin(bench, error, guess, *result.twin);
+      twin = make_twin(bench, error, known, *result.twin);
       scenes = embree_scenes(*twin.scan(), options.threads);
       if (!scenes.empty()) result.twin->memory_bytes = scenes[0].bytes();
-      guess = result.twin->triangles / 4;
       std::fprintf(stderr, "%s %s: median error %.3g; twin of %zu triangles: %.3g, after %d trials\n",
                    result.scan.c_str(), result.level.c_str(), error, result.twin->triangles,
                    result.twin->views.all.dt.median, result.twin->trials);

@@ -1,6 +1,7 @@
 #include "tests/bench/lod_report.h"
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 namespace rbvh::bench {
@@ -53,7 +54,7 @@ Json twin_json(const TwinFigures& twin) {
 }
 
 std::string number(const char* pattern, const std::optional<double>& value) {
-  return value ? format(pattern, *value) : "-";
+  return value && std::isfinite(*value) ? format(pattern, *value) : "-";
 }
 
 std::string rate(const std::optional<RaysResult>& rays) { return rays ? format("%.1f", rays->mrays()) : "-"; }
@@ -72,20 +73,19 @@ std::string cells(const LodFigures& f) {
          rate(f.primary) + " | " + rate(f.diffuse) + " | " + number("%.2f", f.build_s) + " |\n";
 }
 
-/// The level's over the twin's.
+/// The level's over the twin's; "-" where the twin has none.
 std::string ratio_cells(const LodResult& r) {
   const TwinFigures& twin = *r.twin;
-  const auto ratio = [](auto a, auto b) { return static_cast<double>(a) / static_cast<double>(b); };
-  std::optional<double> build;
-  if (r.figures.build_s && twin.build_s) build = *r.figures.build_s / *twin.build_s;
-  return format(" %.2f | %.2f | %.2f | | | | %.2f | %.2f | ",
-                r.figures.views.all.dt.median / twin.views.all.dt.median,
-                r.figures.views.all.dt.p99 / twin.views.all.dt.p99,
-                ratio(r.figures.views.all.mismatches, twin.views.all.mismatches),
-                ratio(r.figures.disk_bytes, twin.disk_bytes),
-                ratio(r.figures.memory_bytes, twin.memory_bytes)) +
-         number("%.2f", r.primary_of_twin) + " | " + number("%.2f", r.diffuse_of_twin) + " | " +
-         number("%.2f", build) + " |\n";
+  const HitFidelity &own = r.figures.views.all, &other = twin.views.all;
+  const auto ratio = [](auto a, auto b) {
+    return " " + number("%.2f", static_cast<double>(a) / static_cast<double>(b)) + " |";
+  };
+  const double no_time = std::numeric_limits<double>::quiet_NaN();
+  return ratio(own.dt.median, other.dt.median) + ratio(own.dt.p99, other.dt.p99) +
+         ratio(own.mismatches, other.mismatches) + " | | |" + ratio(r.figures.disk_bytes, twin.disk_bytes) +
+         ratio(r.figures.memory_bytes, twin.memory_bytes) + " " + number("%.2f", r.primary_of_twin) + " | " +
+         number("%.2f", r.diffuse_of_twin) + " |" +
+         ratio(r.figures.build_s.value_or(no_time), twin.build_s.value_or(no_time)) + "\n";
 }
 
 }  // namespace

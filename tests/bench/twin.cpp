@@ -23,13 +23,10 @@ constexpr int kZstdLevel = 19;
 using Bytes = std::vector<unsigned char>;
 using StoredVertex = std::array<std::uint16_t, 4>;  // the codec wants a multiple of 4 bytes; the last is 0
 
-/// A trial: triangles and their error.
-struct Trial {
-  double triangles = 0, error = 0;
-};
-
-/// Where a power law through both trials has the error, but not at an end of the bracket.
-double between(const Trial& coarse, const Trial& fine, double error) {
+/// The number of triangles to try next: where a power law through both trials has the error, but not at an
+/// end of the bracket. Without a coarse one, as errors are about inverse to the number of triangles.
+double next_trial(const TwinTrial& coarse, const TwinTrial& fine, double error) {
+  if (coarse.triangles == 0) return fine.triangles * std::clamp(fine.error / error, 1 / kMostStep, 0.5);
   const double whole = std::log(fine.triangles / coarse.triangles);
   double share = 0.5;
   if (fine.error > 0) share = std::log(coarse.error / error) / std::log(coarse.error / fine.error);
@@ -61,9 +58,9 @@ Scan decimate(const Scan& scan, std::size_t triangles) {
   Scan mesh;
   mesh.triangles.resize(scan.triangles.size());
   std::uint32_t* indices = mesh.triangles.front().data();
-  const std::size_t count =
-      meshopt_simplify(indices, scan.triangles.front().data(), scan.triangles.size() * 3, positions, vertices,
-                       sizeof(Vec3f), triangles * 3, kAnyError, 0, nullptr);
+  const std::size_t count = meshopt_simplify(
+      indices, scan.triangles.front().data(), scan.triangles.size() * 3, positions, vertices, sizeof(Vec3f),
+      std::min(triangles * 3, mesh.triangles.size() * 3), kAnyError, 0, nullptr);
   mesh.triangles.resize(count / 3);
   meshopt_optimizeVertexCache(indices, indices, count, vertices);
   mesh.positions.resize(vertices);
@@ -72,38 +69,33 @@ Scan decimate(const Scan& scan, std::size_t triangles) {
   return mesh;
 }
 
-Twin find_twin(const Scan& scan, double error, std::size_t first_guess,
-               const std::function<double(const Scan&)>& measure_error) {
-  Trial fine{static_cast<double>(scan.triangles.size()), 0}, coarse;  // the bracket; none coarse yet
-  Twin best;
-  if (!(error > 0)) {  // a level of the scan's own primitives
-    best.mesh = decimate(scan, scan.triangles.size());
-    best.error = measure_error(best.mesh);
-    best.trials = 1;
-    return best;
+Twin find_twin(const Scan& scan, double error, const std::function<double(const Scan&)>& measure_error,
+               std::vector<TwinTrial>& known) {
+  const auto whole = static_cast<double>(scan.triangles.size());
+  TwinTrial fine{whole, 0}, coarse;  // the bracket; none coarse yet
+  for (const TwinTrial& trial : known) {
+    if (trial.error < error && trial.triangles < fine.triangles) fine = trial;
+    if (trial.error >= error && trial.triangles > coarse.triangles) coarse = trial;
   }
-  double best_distance = INFINITY, next = static_cast<double>(first_guess);
+  Twin best;
+  double best_distance = 0;
   for (int i = 0; i < kMostTrials; ++i) {
-    next = std::clamp(next, 1.0, fine.triangles);
-    Scan mesh = decimate(scan, static_cast<std::size_t>(next));
-    const Trial trial{static_cast<double>(mesh.triangles.size()), measure_error(mesh)};
+    const double wished = error > 0 ? std::max(1.0, next_trial(coarse, fine, error)) : whole;
+    Scan mesh = decimate(scan, static_cast<std::size_t>(wished));
+    const TwinTrial trial{static_cast<double>(mesh.triangles.size()), measure_error(mesh)};
+    known.push_back(trial);
     best.trials = i + 1;
     const double distance = std::abs(std::log(trial.error / error));
-    if (i == 0 || distance < best_distance) {
+    if (i == 0 || distance <= best_distance) {  // of equals the one that is nearer to the jump
       best.mesh = std::move(mesh);
       best.error = trial.error;
       best_distance = distance;
     }
-    if (distance <= std::log1p(kNearTolerance)) break;
+    if (!(error > 0) || distance <= std::log1p(kNearTolerance)) break;
     const bool is_fine = trial.error < error;
-    if (is_fine && i > 0 && trial.triangles >= fine.triangles) break;  // there is nothing coarser
+    if (is_fine && trial.triangles >= fine.triangles) break;  // there is nothing coarser
     (is_fine ? fine : coarse) = trial;
-    if (coarse.triangles > 0) {
-      if (fine.triangles < coarse.triangles * kLeastBracket) break;
-      next = between(coarse, fine, error);
-    } else {  // errors are about inverse to the number of triangles
-      next = fine.triangles * std::clamp(fine.error / error, 1 / kMostStep, 0.9);
-    }
+    if (fine.triangles < coarse.triangles * kLeastBracket) break;
   }
   return best;
 }

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <vector>
 
 #include "rbvh/scan.h"
 
@@ -12,6 +13,11 @@ namespace rbvh::bench {
 /// `scan` with about `triangles` triangles, or more where its topology has no fewer; positions and triangles
 /// alone, in an order that encodes and caches well. Vertices stay where they are.
 Scan decimate(const Scan& scan, std::size_t triangles);
+
+/// What decimation to so many triangles left as error.
+struct TwinTrial {
+  double triangles = 0, error = 0;
+};
 
 struct Twin {
   Scan mesh;
@@ -22,10 +28,10 @@ struct Twin {
 /// How far from the wished error a twin may be, as a share of it.
 inline constexpr double kTwinTolerance = 0.05;
 
-/// Looks for the mesh of that error, from one of `first_guess` triangles on. Where errors jump over `error`,
-/// or are never as large, the nearest.
-Twin find_twin(const Scan& scan, double error, std::size_t first_guess,
-               const std::function<double(const Scan&)>& measure_error);
+/// Looks for the mesh of that error between those of `known`, trials of the same scan, and adds its own.
+/// Where errors jump over `error`, or are never as large, the nearest; the whole mesh for no error.
+Twin find_twin(const Scan& scan, double error, const std::function<double(const Scan&)>& measure_error,
+               std::vector<TwinTrial>& known);
 
 /// What a mesh takes in a file.
 struct MeshBytes {

@@ -29,27 +29,36 @@ TEST(Decimate, LeavesAboutThatManyTrianglesAndNoOtherVertices) {
     EXPECT_NE(std::find(scan.positions.begin(), scan.positions.end(), position), scan.positions.end());
 }
 
-TEST(FindTwin, HasTheErrorWhereverTheSearchBegins) {
+TEST(FindTwin, HasTheErrorWithAndWithoutEarlierTrials) {
   const Scan scan = bumpy_sphere(64);  // 8192 triangles
-  for (const double triangles : {300, 1000, 4000})
-    for (const std::size_t guess : {1, 700, 100'000}) {
-      const Twin twin = find_twin(scan, 1 / triangles, guess, inverse_error);
-      EXPECT_NEAR(twin.error * triangles, 1, kTwinTolerance) << triangles << " from " << guess;
-      EXPECT_EQ(twin.error, inverse_error(twin.mesh));
-      EXPECT_LE(twin.trials, 8);
+  std::vector<TwinTrial> known;
+  for (const double triangles : {4000, 300, 1000}) {
+    std::vector<TwinTrial> none;
+    const Twin alone = find_twin(scan, 1 / triangles, inverse_error, none);
+    const Twin after = find_twin(scan, 1 / triangles, inverse_error, known);
+    for (const Twin* twin : {&alone, &after}) {
+      EXPECT_NEAR(twin->error * triangles, 1, kTwinTolerance) << triangles;
+      EXPECT_EQ(twin->error, inverse_error(twin->mesh));
     }
+    EXPECT_EQ(none.size(), static_cast<std::size_t>(alone.trials));
+    EXPECT_LE(after.trials, alone.trials);
+    EXPECT_LE(alone.trials, 6);
+  }
 }
 
 TEST(FindTwin, OfNoErrorIsTheWholeMesh) {
   const Scan scan = bumpy_sphere(16);
-  EXPECT_EQ(find_twin(scan, 0, 10, inverse_error).mesh.triangles.size(), scan.triangles.size());
+  std::vector<TwinTrial> known;
+  EXPECT_EQ(find_twin(scan, 0, inverse_error, known).mesh.triangles.size(), scan.triangles.size());
 }
 
 TEST(FindTwin, TakesTheNearestWhereErrorsJump) {
   const Scan scan = bumpy_sphere(64);
   const auto jumping = [](const Scan& mesh) { return mesh.triangles.size() < 2000 ? 1.0 : 0.01; };
-  const Twin twin = find_twin(scan, 0.02, 4096, jumping);
+  std::vector<TwinTrial> known;
+  const Twin twin = find_twin(scan, 0.02, jumping, known);
   EXPECT_EQ(twin.error, 0.01);
+  EXPECT_NEAR(static_cast<double>(twin.mesh.triangles.size()), 2000, 20);
 }
 
 TEST(StoredBytes, AreThoseOfTheEncodedIndicesAndSixPerVertex) {
@@ -62,6 +71,12 @@ TEST(StoredBytes, AreThoseOfTheEncodedIndicesAndSixPerVertex) {
   EXPECT_EQ(bytes.plain, mesh.positions.size() * 6 + encoded);
   EXPECT_LT(encoded, mesh.triangles.size() * 2);  // the codec's own promise, given a good order
   EXPECT_LE(bytes.zstd, bytes.plain);
+  EXPECT_LE(bytes.best, bytes.zstd);
+}
+
+TEST(StoredBytes, ShrinkByTheVertexCodecWhereVerticesAreDense) {
+  const MeshBytes bytes = stored_bytes(decimate(bumpy_sphere(256), 1'000'000));
+  EXPECT_LT(bytes.zstd, bytes.plain);
   EXPECT_LT(bytes.best, bytes.zstd);
 }
 
