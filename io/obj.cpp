@@ -103,8 +103,7 @@ class ObjReader {
     if (largest.index < static_cast<std::int64_t>(std::min<std::size_t>(count, UINT32_MAX))) return;
     TextCursor place = in_.place();
     place.at = largest.line;
-    place.fail("the index " + std::to_string(largest.index + 1) + " is out of range (there are " +
-               std::to_string(count) + " " + what + ")");
+    place.fail(ObjGrammar::out_of_range(largest.index + 1, count, what));
   }
 
   void assign_normals(RawScan& scan) {

@@ -85,10 +85,15 @@ class ObjGrammar {
     if (value == ObjCorner::kMissing) return kNone;
     if (value == 0) fail_no_index();
     if (value > 0) return value - 1;
-    if (value < -static_cast<std::int64_t>(count))
-      fail("the index " + std::to_string(value) + " is out of range (there are " + std::to_string(count) +
-           " so far)");
+    if (value < -static_cast<std::int64_t>(count)) fail(out_of_range(value, count, "so far"));
     return value + static_cast<std::int64_t>(count);
+  }
+
+  /// What is wrong with an index, as the file has it, for which there are too few elements. The one such
+  /// error, wherever it is found: here for indices that count back, by the users at the end for others.
+  static std::string out_of_range(std::int64_t index, std::size_t count, const char* what) {
+    return "the index " + std::to_string(index) + " is out of range (there are " + std::to_string(count) +
+           ' ' + what + ")";
   }
 
   bool at_end() const { return in_.at_end(); }

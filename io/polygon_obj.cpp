@@ -71,8 +71,8 @@ class PolygonObjReader {
       for (std::uint32_t c = mesh_.face_begin(face); c < mesh_.face_ends[face]; ++c)
         if (const std::uint32_t i = mesh_.corners[c].*index; i != PolygonCorner::kNone && i >= count)
           throw Error(ErrorKind::kInput, in_.file(),
-                      "face " + std::to_string(face + 1) + ": the index " + std::to_string(i + 1) +
-                          " is out of range (there are " + std::to_string(count) + " " + what + ")");
+                      "face " + std::to_string(face + 1) + ": " +
+                          ObjGrammar::out_of_range(std::int64_t{i} + 1, count, what));
   }
 
   ObjGrammar in_;

@@ -17,7 +17,7 @@ namespace rbvh {
 /// One quality level's parameters (the paper's table 2).
 struct LevelConfig {
   std::string name;
-  float rho;          ///< texels per unit of normalised area
+  float rho;          ///< texels for the whole surface
   float alpha;        ///< least projected area over area
   float phi_degrees;  ///< widest half-angle of the cone of normals
   float error = 0;    ///< between its surface and the scan's, rms, of the scan's diagonal; 0: the density alone decides
