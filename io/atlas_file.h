@@ -19,9 +19,13 @@ namespace rbvh {
 std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const std::string& path,
                                        const Rbvh& rbvh);
 
+/// How heights are stored: since format 2.0 as differences to the texel above in their tile, which the TIFF
+/// predictor then takes the differences along rows of: of a smooth surface little is left.
+enum class StoredHeights { kPlain, kDifferences };
+
 /// Fills the texels of `rbvh`, whose levels and layers say what to expect, from the bytes of an atlas file.
 /// Hostile bytes are expected: memory is bounded by 1100 times their number. Throws Error(kInput), naming
 /// `path`.
-void decode_atlas(std::span<const std::byte> file, const std::string& path, Rbvh& rbvh);
+void decode_atlas(std::span<const std::byte> file, const std::string& path, StoredHeights stored, Rbvh& rbvh);
 
 }  // namespace rbvh

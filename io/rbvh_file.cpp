@@ -230,7 +230,7 @@ void check_written(std::span<const std::byte> atlas, const std::string& path, co
   for (Level& level : again.levels)
     for (Layer& layer : level.layers) layer.texels.clear();
   try {
-    decode_atlas(atlas, path, again);
+    decode_atlas(atlas, path, StoredHeights::kDifferences, again);
   } catch (const Error&) {
     throw Error(ErrorKind::kFailure, path, "cannot be written whole; is the disk full?");
   }
@@ -306,7 +306,8 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<
   if (atlas.size != head.atlas_bytes || hash_bytes(atlas.view()) != head.atlas_hash)
     refuse(atlas_name, "belongs to another pair than " + path +
                            ", or is damaged: it does not have the length and the hash named there");
-  decode_atlas(bytes_of(atlas), atlas_name, rbvh);
+  decode_atlas(bytes_of(atlas), atlas_name,
+               head.major == 1 ? StoredHeights::kPlain : StoredHeights::kDifferences, rbvh);
   if (head.major == 1) give_vertices_attributes(rbvh);
   return rbvh;
 }

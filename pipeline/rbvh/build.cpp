@@ -46,15 +46,18 @@ Lattice lattice_of(const LevelConfig& level, const Bounds3f& box) {
 }
 
 LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float area, float diagonal,
-                    bool discs, const BuildTuning& tuning) {
-  const float texel = primitive_texel(static_cast<double>(area), level.rho),
-              error = discs || config.focus ? 0 : level.error;
+                    const Primitives& primitives, const BuildTuning& tuning) {
+  const LevelFacts facts{.is_cloud = primitives.discs,
+                         .error = config.focus ? 0 : level.error,  // the density varies with the place
+                         .rho = level.rho,
+                         .texel = primitive_texel(static_cast<double>(area), level.rho) / diagonal,
+                         .primitives = primitives.count};
   return {.level = level,
           .config = &config,
           .area = area,
           .largest_tile = tuning.largest_tile,
           .error = level.error * diagonal,
-          .holds_primitives = holds_primitives(config.hybrid, error, texel, diagonal)};
+          .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
 
 /// The scan as far as it is simplified: each coarser level goes on from the one before.
@@ -140,7 +143,7 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
 
   std::vector<LevelRule> rules;
   for (const LevelConfig& level : config.levels)
-    rules.push_back(make_rule(level, config, area, box.diagonal(), primitives.discs, tuning));
+    rules.push_back(make_rule(level, config, area, box.diagonal(), primitives, tuning));
   // One tree serves all levels of tiles.
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& rule) {

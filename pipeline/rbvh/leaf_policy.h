@@ -45,11 +45,18 @@ bool wants_split(const NodeFacts& node, const LeafQuality& quality, Refinement r
 
 // --- the level as a whole ---
 
-/// Whether all leaves of a mesh's level hold primitives, simplified within the level's error: where texels are
-/// wider than 1/670 of the scan's diagonal, depth steps between them show, and triangles of the same error
-/// take fewer bytes (docs/benchmarks.md). `texel`, `diagonal`: scan units. A level without an error keeps the
-/// paper's tiles.
-bool holds_primitives(Hybrid hybrid, float error, float texel, float diagonal);
+struct LevelFacts {
+  bool is_cloud = false;
+  float error = 0;  ///< the level's, of the diagonal; 0: the paper's tiles
+  float rho = 0;
+  float texel = 0;  ///< its side, of the diagonal
+  std::uint32_t primitives = 0;
+};
+
+/// Whether all leaves of a level hold primitives, simplified within its error: where texels are so wide that
+/// depth steps between them show, and where there are so many for each triangle that triangles take fewer
+/// bytes (docs/benchmarks.md).
+bool holds_primitives(Hybrid hybrid, const LevelFacts& level);
 
 /// Whether a node of such a level is split further.
 bool wants_split_primitives(const NodeFacts& node);
