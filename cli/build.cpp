@@ -19,10 +19,15 @@
 namespace rbvh {
 namespace {
 
+enum class LevelsBy { kError, kDensity };
+constexpr std::pair<std::string_view, LevelsBy> kLevelsBy[] = {{"error", LevelsBy::kError},
+                                                               {"density", LevelsBy::kDensity}};
+
 struct BuildOptions {
   std::string file;
   BuildConfig config;
   std::vector<std::string> levels;  // empty: all
+  LevelsBy levels_by = LevelsBy::kError;
   std::optional<Vec3d> focus, focus_camera;
   std::optional<double> focus_radius;
   std::optional<std::string> focus_level;  // Q0
@@ -68,6 +73,7 @@ void run_build(Context& context, const BuildOptions& options) {
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
   config.levels = standard_levels(options.levels);
+  if (options.levels_by == LevelsBy::kDensity) config.levels = by_density(config.levels);
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_pair_output(context);
 
@@ -121,6 +127,9 @@ void add_build(CLI::App& app, Context& context) {
       kWithOutput | kWithDevice | kWithReport, [&context, options] { run_build(context, *options); });
   stage->add_option("FILE", options->file, "the scan, as ingest writes it (-: standard input)")->required();
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
+  add_parsed(*stage, "--levels-by", options->levels_by, parse_choice<kLevelsBy>, "HOW",
+             "what makes a level: its error (tiles, or simplified triangles where these are better, default) or "
+             "density (the paper's texels alone)");
   add_parsed(*stage, "--refinement", config.refinement, parse_choice<kRefinements>, "HOW",
              "what splits a node: area (projected area, default) or cone (cone of normals)");
   add_parsed(*stage, "--split", config.split, parse_choice<kSplitRules>, "HOW",

@@ -29,6 +29,9 @@ const std::vector<LevelConfig>& standard_levels();
 /// Those of these names (empty: all), finest first in whatever order they are named. Throws Error(kUsage).
 std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names);
 
+/// The same without their errors: the paper's rule alone decides, and all comes from the scan's own primitives.
+std::vector<LevelConfig> by_density(std::vector<LevelConfig> levels);
+
 /// Quality that varies over the scan (section 3.5 of the paper).
 struct Focus {
   Vec3f center{};

@@ -47,21 +47,17 @@ typedef struct RbvhPrimitive {
 } RbvhPrimitive;
 RBVH_LAYOUT_SIZE(RbvhPrimitive, 36);
 
-#define RBVH_NO_BLOCK 0xffffffffu
-
-// A tile for tracing; of a leaf of primitives one for each block of them.
+// A tile for tracing.
 typedef struct RbvhTile {
   float columns[12];  // tile space is columns[0..2] x + [3..5] y + [6..8] z + [9..11]
-  rbvh_u32 offset;    // its first texel in the heights, which lie row by row; or its block's first primitive
-                      // among the leaf's
+  rbvh_u32 offset;    // its first texel in the heights; they lie row by row
   rbvh_u16 width, height;
   float step_limit;    // in height quanta
   float top;           // the largest height
   float lo[3], hi[3];  // the leaf's box: texels past it are for interpolation, not to be hit
   rbvh_u32 leaf;       // whose tile it is
-  rbvh_u32 block;      // of primitives in place of the heights; RBVH_NO_BLOCK: none
 } RbvhTile;
-RBVH_LAYOUT_SIZE(RbvhTile, 96);
+RBVH_LAYOUT_SIZE(RbvhTile, 92);
 
 // --- points on the surface ---
 

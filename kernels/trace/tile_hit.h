@@ -27,41 +27,39 @@ static ALWAYS_INLINE float2 height_slope(const Tree* tree, __global const RbvhTi
 static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
   Hit h = no_hit();
   if (found->id == RBVH_NO_LEAF) return h;
-  __global const RbvhTile* tile = tree->tiles + found->id;
-  __global const float* m = tile->columns;
-  const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]),
-               rw = (float3)(m[2], m[5], m[8]);
-  const float3 d = vload3(0, ray->direction), p = vload3(0, ray->origin) + d * found->t;
-  const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
-  const bool in_block = tile->block != RBVH_NO_BLOCK;
+  const float3 d = vload3(0, ray->direction), origin = vload3(0, ray->origin);
   float3 n;
-  if (in_block) {
-    n = unit_normal(tree->blocks, found->at);
-  } else {
+  if (found->id < tree->tile_count) {
+    __global const RbvhTile* tile = tree->tiles + found->id;
+    __global const float* m = tile->columns;
+    const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]),
+                 rw = (float3)(m[2], m[5], m[8]), p = origin + d * found->t;
+    const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
     // Of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
     const float2 slope = height_slope(tree, tile, u, v);
     n = normalize(rw - ru * slope.x - rv * slope.y);
-  }
-  h.t = found->t;
-  h.normal[0] = n.x;
-  h.normal[1] = n.y;
-  h.normal[2] = n.z;
-  h.leaf = tile->leaf;
-  h.flags = dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
-  if (in_block) {
+    h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
+    h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
+    h.leaf = tile->leaf;
+  } else {
+    const uint primitive = found->id - tree->tile_count;
+    if (!IN_BOUNDS(tree->bounds, LEAF_OF, primitive, 1)) return h;
+    n = unit_normal(tree->blocks, found->at);
 #ifdef DISCS
-    const float2 place = place_on_disc(tree->blocks, found->at, vload3(0, ray->origin), d, found->t);
+    const float2 place = place_on_disc(tree->blocks, found->at, origin, d, found->t);
 #else
     const float2 place = (float2)(found->u, found->v);
 #endif
     h.u = place.x;
     h.v = place.y;
-    h.flags |= RBVH_HIT_TRIANGLE_LEAF |
-               ((tile->offset + found->at % PRIMITIVE_BLOCK_WIDTH) << RBVH_HIT_PRIMITIVE);
-  } else {
-    h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
-    h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
+    h.leaf = tree->leaf_of[primitive];
+    h.flags = RBVH_HIT_TRIANGLE_LEAF | ((uint)tree->place_of[primitive] << RBVH_HIT_PRIMITIVE);
   }
+  h.t = found->t;
+  h.normal[0] = n.x;
+  h.normal[1] = n.y;
+  h.normal[2] = n.z;
+  if (dot(n, d) > 0.0f) h.flags |= RBVH_HIT_BACK_FACE;
   return h;
 }
 

@@ -9,30 +9,34 @@
 #include "kernels/trace/march_ray.h"
 #include "kernels/trace/tile_hit.h"
 
-static ALWAYS_INLINE bool intersect_tile(const Tree* tree, uint id, const Query* q, uint any, Found* found,
-                                         uint2* visited) {
-  if (!IN_BOUNDS(tree->bounds, TILES, id, 1)) return false;
-  const uint block = tree->tiles[id].block;
-  if (block == RBVH_NO_BLOCK) return march(tree, id, q, found, visited);
+static ALWAYS_INLINE bool intersect_element(const Tree* tree, uint id, const Query* q, uint any, Found* found,
+                                            uint2* visited) {
+  if (id < tree->tile_count) {
+    if (!IN_BOUNDS(tree->bounds, TILES, id, 1)) return false;
+    return march(tree, id, q, found, visited);
+  }
+  const uint block = id - tree->tile_count;
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return false;
   ++visited->y;
   const Query own = *q;  // its fields are read by number here: the traversal's stay in registers
   return intersect_block(tree->blocks, block, &own, found);
 }
 
-static ALWAYS_INLINE bool intersect_tile_packet(const Tree* tree, uint id, const Packet* p, uint any,
-                                                Found16* found, uint2* visited) {
-  if (!IN_BOUNDS(tree->bounds, TILES, id, 1)) return false;
-  const uint block = tree->tiles[id].block;
-  if (block == RBVH_NO_BLOCK) return march_packet(tree, id, p, found, visited);
+static ALWAYS_INLINE bool intersect_element_packet(const Tree* tree, uint id, const Packet* p, uint any,
+                                                   Found16* found, uint2* visited) {
+  if (id < tree->tile_count) {
+    if (!IN_BOUNDS(tree->bounds, TILES, id, 1)) return false;
+    return march_packet(tree, id, p, found, visited);
+  }
+  const uint block = id - tree->tile_count;
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return false;
   ++visited->y;
   const PacketShear shear = shear_packet(p->d);
   return intersect_block_packet(tree->blocks, block, p, &shear, limit_of_packet(found), found);
 }
 
-DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_tile, limit_of)
-DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_tile_packet, limit_of_packet)
+DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_element, limit_of)
+DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_element_packet, limit_of_packet)
 
 // A tile is an approximation: rays need not find to the last bit what they find alone.
 static inline bool takes_packet(const Packet* p) { return true; }

@@ -108,6 +108,11 @@ std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names) 
   return chosen;
 }
 
+std::vector<LevelConfig> by_density(std::vector<LevelConfig> levels) {
+  for (LevelConfig& level : levels) level.error = 0;
+  return levels;
+}
+
 void check_buildable(const Scan& scan, const std::string& file) {
   for (std::size_t i = 0; i < scan.positions.size(); ++i)
     if (!is_finite(scan.positions[i]))

@@ -103,7 +103,8 @@ class PrimitiveVertices {
     if (number != kNone) return number;
     number = static_cast<std::uint32_t>(to_.positions.size());
     to_.positions.push_back(snapped(lattice_, scan_.positions[vertex]));
-    to_.normals.push_back(unpack_normal(pack_normal(normals_[vertex])));
+    const auto unit = static_cast<Vec3f>(normalized(static_cast<Vec3d>(normals_[vertex])));
+    to_.normals.push_back(lattice_.step > 0 ? unpack_normal(pack_normal(unit)) : unit);
     if (!scan_.colors.empty()) to_.colors.push_back(scan_.colors[vertex]);
     return number;
   }
@@ -117,21 +118,23 @@ class PrimitiveVertices {
   std::vector<std::uint32_t> numbers_;
 };
 
-/// Appends the primitives of a leaf; returns their number. Triangles that the lattice leaves without an area
-/// go, as long as one is left.
-std::uint32_t add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives,
+/// Appends the primitives of a leaf; returns their number. Triangles that a lattice leaves without an area go,
+/// as long as one is left.
+std::uint32_t add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives, bool has_lattice,
                              PrimitiveVertices& vertices, Scan& to) {
   const std::size_t before = to.triangles.size();
   for (std::size_t k = 0; k < primitives.size(); ++k) {
     if (scan.is_cloud()) {
       vertices.add(primitives[k]);
-      to.radii.push_back(unround_radius(round_radius(scan.radii[primitives[k]])));
+      const float radius = scan.radii[primitives[k]];
+      to.radii.push_back(has_lattice ? unround_radius(round_radius(radius)) : radius);
       continue;
     }
     Triangle t = scan.triangles[primitives[k]];
     for (std::uint32_t& corner : t) corner = vertices.add(corner);
     const auto at = [&](std::size_t corner) { return to.positions[t[corner]]; };
-    const bool is_flat = at(0) == at(1) || at(1) == at(2) || at(2) == at(0);
+    const bool is_flat =
+        has_lattice && (at(0) == at(1) || at(1) == at(2) || at(2) == at(0));
     if (!is_flat || (k + 1 == primitives.size() && to.triangles.size() == before)) to.triangles.push_back(t);
   }
   return static_cast<std::uint32_t>(scan.is_cloud() ? primitives.size() : to.triangles.size() - before);
@@ -149,10 +152,12 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
     Tile& tile = tiles[order[leaf]];
     if (tile.decision != LeafDecision::kPrimitives) continue;
     level.primitive_leaves.push_back({leaf, static_cast<std::uint32_t>(primitive_count(level))});
-    tile.leaf.primitives = add_primitives(scan, of_tile[order[leaf]], vertices, level.primitives);
+    tile.leaf.primitives = add_primitives(scan, of_tile[order[leaf]], level.lattice.step > 0,
+                                          vertices, level.primitives);
   }
   if (scan.is_cloud()) return;
   rotate_as_stored(level.primitives);
+  if (!(level.lattice.step > 0)) return;
   const std::vector<Vec3f> own = vertex_normals(level.primitives);
   for (std::size_t i = 0; i < own.size(); ++i)
     if (dot(own[i], level.primitives.normals[i]) >= kSameNormal) level.primitives.normals[i] = own[i];

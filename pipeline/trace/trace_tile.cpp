@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "pipeline/base/error.h"
-#include "pipeline/bvh/top_tree.h"
+#include "pipeline/bvh/sah_binned_bvh.h"
 #include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/tile.h"
@@ -16,19 +16,15 @@ namespace {
 
 constexpr std::uint32_t kStackStep = 64;  ///< few stack sizes, as each is a kernel of its own
 
-/// The level's primitives [first, first + count) side by side, at most PRIMITIVE_BLOCK_WIDTH, all of one tile.
-PrimitiveBlock make_block(const Scan& primitives, std::uint32_t first, std::uint32_t count,
-                          std::uint32_t tile) {
+/// Into a lane of a block. `tiles`: numbers before those of primitives.
+void put_primitive(const Scan& primitives, std::uint32_t primitive, std::uint32_t tiles, std::uint32_t lane,
+                   PrimitiveBlock& block) {
   // A disc's centre, radius and normal become centre, normal and radius.
   constexpr std::size_t kDiscRows[9] = {0, 1, 2, 6, 3, 4, 5, 7, 8};
-  PrimitiveBlock block = empty_block();
-  for (std::size_t lane = 0; lane < count; ++lane) {
-    const RbvhPrimitive shape = primitive_shape(primitives, first + static_cast<std::uint32_t>(lane));
-    for (std::size_t i = 0; i < 9; ++i)
-      block.rows[primitives.radii.empty() ? i : kDiscRows[i]][lane] = shape.shape[i];
-    block.ids[lane] = tile;
-  }
-  return block;
+  const RbvhPrimitive shape = primitive_shape(primitives, primitive);
+  for (std::size_t i = 0; i < 9; ++i)
+    block.rows[primitives.radii.empty() ? i : kDiscRows[i]][lane] = shape.shape[i];
+  block.ids[lane] = tiles + primitive;
 }
 
 float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]); }
@@ -36,7 +32,6 @@ float row_length(const float* row) { return std::sqrt(row[0] * row[0] + row[1] *
 RbvhTile make_tile(const RbvhLeaf& leaf, std::uint32_t leaf_index, const RbvhNode& node) {
   RbvhTile tile{};
   tile.leaf = leaf_index;
-  tile.block = RBVH_NO_BLOCK;
   for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 4; ++column)
       tile.columns[3 * column + row] = leaf.to_tile[4 * row + column];
@@ -60,8 +55,8 @@ void add_heights(const Level& level, const RbvhLeaf& leaf, RbvhTile& tile,
   }
 }
 
-/// The tree for tracing. In the place of a leaf of primitives stands a tree of blocks of them, each a tile of
-/// its own. Tiles are numbered by leaf, then by block: the order of the tie rule.
+/// The tree for tracing. Its leaves are tiles and, numbered after these, blocks of primitives, whose ids are
+/// the numbers of primitives after those of tiles: the order of the tie rule.
 struct TraceTree {
   Bvh bvh;
   std::vector<RbvhTile> tiles;
@@ -72,54 +67,81 @@ BvhNode binary_node(const RbvhNode& n) {
   return {{{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}}, n.first, n.count};
 }
 
-/// Puts a tree of the leaf's primitives in the place of `node`.
-void add_blocks(const Level& level, std::uint32_t first, std::uint32_t node, RbvhTile tile, TraceTree& to) {
-  const auto first_tile = static_cast<std::uint32_t>(to.tiles.size()),
-             moved = static_cast<std::uint32_t>(to.bvh.nodes.size()) - 1;
-  const std::uint32_t all = level.leaves[tile.leaf].primitives;
-  std::vector<Bounds3f> boxes;
-  for (std::uint32_t i = 0; i < all; i += PRIMITIVE_BLOCK_WIDTH) {
-    const std::uint32_t count = std::min<std::uint32_t>(all - i, PRIMITIVE_BLOCK_WIDTH);
-    Bounds3f& box = boxes.emplace_back();
-    for (std::uint32_t k = 0; k < count; ++k) box.add(primitive_bounds(level.primitives, first + i + k));
-    tile.block = static_cast<std::uint32_t>(to.blocks.size());
-    tile.offset = i;
-    to.blocks.push_back(
-        make_block(level.primitives, first + i, count, static_cast<std::uint32_t>(to.tiles.size())));
-    to.tiles.push_back(tile);
-  }
-  const TopTree tree = build_top_tree(boxes);
-  for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
-    BvhNode& here = n == 0 ? to.bvh.nodes[node] : to.bvh.nodes.emplace_back();
-    here = binary_node(tree.nodes[n]);
-    here.first = here.count == 0 ? here.first + moved : first_tile + tree.order[here.first];
+/// Puts a tree of the level's primitives [first, first + count) in the place of `node`. `tiles`: of the level.
+void add_blocks(const Level& level, std::uint32_t first, std::uint32_t count, std::uint32_t tiles,
+                std::uint32_t node, TraceTree& to) {
+  std::vector<Bounds3f> boxes(count);
+  for (std::uint32_t i = 0; i < count; ++i) boxes[i] = primitive_bounds(level.primitives, first + i);
+  const Bvh bvh = build_sah_binned_bvh(boxes, BvhConfig{.leaf_size = PRIMITIVE_BLOCK_WIDTH,
+                                                        .test_width = PRIMITIVE_BLOCK_WIDTH});
+  const auto moved = static_cast<std::uint32_t>(to.bvh.nodes.size()) - 1;
+  for (std::size_t n = 0; n < bvh.nodes.size(); ++n) {
+    const BvhNode& from = bvh.nodes[n];
+    BvhNode here = from;
+    if (from.count == 0) {
+      here.first += moved;
+    } else {
+      here.first = tiles + static_cast<std::uint32_t>(to.blocks.size());
+      here.count = 1;
+      PrimitiveBlock& block = to.blocks.emplace_back(empty_block());
+      for (std::uint32_t lane = 0; lane < from.count; ++lane)
+        put_primitive(level.primitives, first + bvh.order[from.first + lane], tiles, lane, block);
+    }
+    if (n == 0)
+      to.bvh.nodes[node] = here;
+    else
+      to.bvh.nodes.push_back(here);
   }
 }
 
 TraceTree make_trace_tree(const Level& level, std::vector<std::uint16_t>& heights) {
   TraceTree tree;
-  std::vector<std::uint32_t> node_of(level.leaves.size());
-  for (std::uint32_t n = 0; n < level.nodes.size(); ++n) {
-    const RbvhNode& node = level.nodes[n];
-    tree.bvh.nodes.push_back(binary_node(node));
-    if (node.count == 1) node_of[node.first] = n;
-  }
-  const std::vector<std::uint32_t> firsts = first_primitives(level);
-  for (std::uint32_t leaf = 0; leaf < level.leaves.size(); ++leaf) {
-    const std::uint32_t node = node_of[leaf];
-    RbvhTile tile = make_tile(level.leaves[leaf], leaf, level.nodes[node]);
-    if (firsts[leaf] != RBVH_NO_LEAF) {
-      add_blocks(level, firsts[leaf], node, tile, tree);
-    } else {
-      add_heights(level, level.leaves[leaf], tile, heights);
-      tree.bvh.nodes[node].first = static_cast<std::uint32_t>(tree.tiles.size());
-      tree.tiles.push_back(tile);
+  const auto tiles = static_cast<std::uint32_t>(level.leaves.size() - level.primitive_leaves.size());
+  if (tiles == 0) {
+    // The stored tree is a grouping for the file: one over all primitives is better to traverse.
+    tree.bvh.nodes.resize(1);
+    add_blocks(level, 0, static_cast<std::uint32_t>(primitive_count(level)), 0, 0, tree);
+  } else {
+    for (const RbvhNode& node : level.nodes) tree.bvh.nodes.push_back(binary_node(node));
+    const std::vector<std::uint32_t> firsts = first_primitives(level);
+    for (std::uint32_t n = 0; n < level.nodes.size(); ++n) {
+      const RbvhNode& node = level.nodes[n];
+      if (node.count == 0) continue;
+      const RbvhLeaf& leaf = level.leaves[node.first];
+      if (firsts[node.first] != RBVH_NO_LEAF) {
+        add_blocks(level, firsts[node.first], leaf.primitives, tiles, n, tree);
+        continue;
+      }
+      tree.bvh.nodes[n].first = static_cast<std::uint32_t>(tree.tiles.size());
+      tree.tiles.push_back(make_tile(leaf, node.first, node));
+      add_heights(level, leaf, tree.tiles.back(), heights);
     }
   }
-  tree.bvh.order.resize(tree.tiles.size());
+  tree.bvh.order.resize(tiles + tree.blocks.size());
   std::iota(tree.bvh.order.begin(), tree.bvh.order.end(), 0u);
   if (tree.blocks.empty()) tree.blocks.push_back(empty_block());
+  if (tree.tiles.empty()) tree.tiles.emplace_back();
   return tree;
+}
+
+/// For each primitive its leaf, and its place among the leaf's.
+struct PrimitivePlaces {
+  std::vector<std::uint32_t> leaf_of = {};
+  std::vector<std::uint8_t> place_of = {};
+};
+
+PrimitivePlaces primitive_places(const Level& level) {
+  PrimitivePlaces places;
+  for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves)
+    for (std::uint32_t i = 0; i < level.leaves[leaf.leaf].primitives; ++i) {
+      places.leaf_of.push_back(leaf.leaf);
+      places.place_of.push_back(static_cast<std::uint8_t>(i));
+    }
+  if (places.leaf_of.empty()) {
+    places.leaf_of.push_back(0);
+    places.place_of.push_back(0);
+  }
+  return places;
 }
 
 }  // namespace
@@ -129,6 +151,7 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
   std::vector<std::uint16_t> heights;
   const TraceTree tree = make_trace_tree(level, heights);
   heights.push_back(0);  // the kernels may read one texel past the last
+  const PrimitivePlaces places = primitive_places(level);
   const WideBvh wide = widen_elements(tree.bvh);
   const std::uint32_t stack = (wide.stack + kStackStep - 1) / kStackStep * kStackStep;
   TileTracer tracer(device);
@@ -138,6 +161,9 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
   tracer.tiles = {device, tree.tiles};
   tracer.heights = {device, heights};
   tracer.blocks = {device, tree.blocks};
+  tracer.leaf_of = {device, places.leaf_of};
+  tracer.place_of = {device, places.place_of};
+  tracer.tile_count = static_cast<std::uint32_t>(level.leaves.size() - level.primitive_leaves.size());
   tracer.level = &level;
   return tracer;
 }
@@ -145,7 +171,7 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
 void TileTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
                            RayQuery query, const Buffer<std::uint32_t>* steps) const {
   device.kernel("trace/trace_tile", "trace_rays", options)
-      .run(count, 64, nodes, tiles, heights, blocks, scene, rays, static_cast<std::uint32_t>(count),
+      .run(count, 64, nodes, tiles, heights, blocks, leaf_of, place_of, tile_count, scene, rays, static_cast<std::uint32_t>(count),
            query == RayQuery::kAny ? 1u : 0u, hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
@@ -156,7 +182,7 @@ void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   if (device.info().is_cpu) {
     const std::uint32_t in_row = squares(camera.width, 4);
     device.kernel("trace/trace_tile", "trace_camera_packets", options)
-        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, scene,
+        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, leaf_of, place_of, tile_count, scene,
              camera, in_row, hits, steps_out);
   } else {
     device.kernel("trace/trace_tile", "trace_camera", options)
@@ -168,7 +194,8 @@ void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
 SurfaceSamples TileTracer::surface(std::span<const Hit> hits) const { return sample_surface(*level, hits); }
 
 std::uint64_t TileTracer::memory() const {
-  return nodes.size_bytes() + tiles.size_bytes() + heights.size_bytes() + blocks.size_bytes();
+  return nodes.size_bytes() + tiles.size_bytes() + heights.size_bytes() + blocks.size_bytes() +
+         leaf_of.size_bytes() + place_of.size_bytes();
 }
 
 }  // namespace rbvh

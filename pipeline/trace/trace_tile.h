@@ -19,11 +19,14 @@ struct TileTracer final : Tracer {
   Buffer<WideNode> nodes;
   Buffer<RbvhTile> tiles;
   Buffer<std::uint16_t> heights;
-  Buffer<PrimitiveBlock> blocks;  ///< of leaves that fell back to exact primitives
+  Buffer<PrimitiveBlock> blocks;
+  Buffer<std::uint32_t> leaf_of;  ///< of each of the level's primitives
+  Buffer<std::uint8_t> place_of;  ///< of each, among its leaf's
+  std::uint32_t tile_count = 0;
   const Level* level = nullptr;
 
   using Tracer::Tracer;
-  /// t in [tmin, tmax]; of several tiles at the same t the lowest leaf's. `steps` counts nodes and grid
+  /// t in [tmin, tmax]; of several at the same t the first tile's, else the first primitive's. `steps` counts nodes and grid
   /// lines.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "pipeline/rbvh/texel.h"
 #include "tests/property.h"
@@ -11,8 +12,12 @@
 namespace rbvh {
 namespace {
 
+float uniform(std::mt19937_64& random, float lo, float hi) {
+  return std::uniform_real_distribution<float>(lo, hi)(random);
+}
+
 /// A frame with axes along three random directions at right angles.
-void random_frame(Random& random, bool left_handed, float to_tile[12]) {
+void random_frame(std::mt19937_64& random, bool left_handed, float to_tile[12]) {
   const auto direction = [&] {
     return normalized(Vec3d{uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1)});
   };
@@ -27,7 +32,7 @@ void random_frame(Random& random, bool left_handed, float to_tile[12]) {
 }
 
 TEST(LeafRounding, FramesMoveLittleAndOnlyOnce) {
-  Random random(property_seed());
+  std::mt19937_64 random(property_seed());
   const LeafGrid grid = leaf_grid({{-1, -2, -3}, {3, 2, 1}});
   for (int trial = 0; trial < 2000; ++trial) {
     RbvhLeaf leaf{}, rounded{}, twice{};
@@ -46,7 +51,7 @@ TEST(LeafRounding, FramesMoveLittleAndOnlyOnce) {
 }
 
 TEST(LeafRounding, TexelSidesGrowByLessThanHalfAPercent) {
-  Random random(property_seed());
+  std::mt19937_64 random(property_seed());
   for (int trial = 0; trial < 1000; ++trial) {
     const double side = std::exp(static_cast<double>(uniform(random, -30, 30)));
     const double rounded = round_texel(side);
@@ -57,7 +62,7 @@ TEST(LeafRounding, TexelSidesGrowByLessThanHalfAPercent) {
 }
 
 TEST(LeafRounding, BoxesContainWhatTheyRound) {
-  Random random(property_seed());
+  std::mt19937_64 random(property_seed());
   const Bounds3f bounds{{100, 200, 300}, {101, 203, 302}};
   const LeafGrid grid = leaf_grid(bounds);
   for (int trial = 0; trial < 1000; ++trial) {
