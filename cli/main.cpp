@@ -12,7 +12,7 @@
 #include "cli/exit_code.h"
 #include "cli/remedies.h"
 #include "cli/stages.h"
-#include "io/output_file.h"
+#include "io/interrupts.h"
 
 namespace rbvh {
 namespace {

@@ -81,7 +81,7 @@ void run_bake(Context& context, const ProxyOptions& options) {
   BakeReport counts;
   const Proxy proxy = bake_proxy(input.scan, options.file, config, counts, context.progress.callback());
   const double bake_seconds = watch.lap();
-  const ProxyHeader header =
+  const SavedProxy saved =
       save_proxy(context.output, proxy, {input.name, input.hash, input.scan.shift}, context.force);
   const double write_seconds = watch.lap();
   const nlohmann::ordered_json distance = proxy_measure_json(measure_proxy(proxy, input.scan));
@@ -94,7 +94,8 @@ void run_bake(Context& context, const ProxyOptions& options) {
                        {"write", write_seconds},      {"measure", measure_seconds}};
   report.update(bake_json(counts));
   report["distance"] = distance;
-  report["bytes"] = proxy_bytes_json(header);
+  report["bytes"] = proxy_bytes_json(saved.header);
+  if (!saved.warning.empty()) warn(context, saved.warning);
   const ManifoldCounts& mesh = counts.mesh;
   if (mesh.small_components > 0)
     note(context, fmt::format("left out: {} small components ({} triangles)", mesh.small_components,
@@ -107,7 +108,7 @@ void run_bake(Context& context, const ProxyOptions& options) {
        fmt::format(
            "rbvh proxy: wrote {} ({} patches, {} texels, {}; RMS distance {:.2g}% to the scan, {:.2g}% "
            "back)",
-           context.output, counts.patches, counts.texels, format_bytes(header.bytes()),
+           context.output, counts.patches, counts.texels, format_bytes(saved.header.bytes()),
            distance["proxy_to_scan"]["rms_percent"].get<double>(),
            distance["scan_to_proxy"]["rms_percent"].get<double>()));
 }
@@ -150,15 +151,16 @@ void run_import(Context& context, const ProxyOptions& options) {
   const Proxy proxy = import_vdm(mesh, map, config, input_name(options.file), counts);
   source.shift = counts.shift;
   const double import_seconds = watch.lap();
-  const ProxyHeader header = save_proxy(context.output, proxy, source, context.force);
+  const SavedProxy saved = save_proxy(context.output, proxy, source, context.force);
   auto& report = context.report;
   report["timings"] = {{"load", load_seconds}, {"import", import_seconds}, {"write", watch.lap()}};
   report.update(import_json(counts));
-  report["bytes"] = proxy_bytes_json(header);
+  report["bytes"] = proxy_bytes_json(saved.header);
+  if (!saved.warning.empty()) warn(context, saved.warning);
   warn_of(context, options.file, counts);
   note(context,
        fmt::format("rbvh proxy: wrote {} ({} patches, {} texels, {}; {} seams welded)", context.output,
-                   counts.patches, counts.texels, format_bytes(header.bytes()), counts.welded_edges));
+                   counts.patches, counts.texels, format_bytes(saved.header.bytes()), counts.welded_edges));
 }
 
 void run_proxy(Context& context, const ProxyOptions& options) {

@@ -10,6 +10,7 @@
 #include "cli/exit_code.h"
 #include "demo_shape.h"
 #include "fuse.h"
+#include "io/interrupts.h"
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"

@@ -1,5 +1,6 @@
 // Every output goes through here: written under a temporary name in the same folder, synced, renamed. Nothing
-// is overwritten unasked, nothing is left half-written, and an interrupt removes what is unfinished.
+// is overwritten unasked, nothing is left half-written, and an interrupt removes what is unfinished. Files
+// that belong together are committed by io/file_set.h.
 #pragma once
 
 #include <span>
@@ -9,14 +10,21 @@
 
 namespace rbvh {
 
+struct SetPart;
+
 /// One output on its way. Where `path` is no regular file (a device, a pipe), temporary_path() is still a
 /// regular file, and commit() copies its bytes there. "-" is standard output.
 class OutputFile {
  public:
+  enum class Role {
+    kAlone,
+    kInSet  ///< of files that lie together: a link is replaced, not followed; the name needs room for a hash
+  };
+
   /// Throws Error(kFailure) when `path` exists and !overwrite, is a folder, or its folder is missing or
   /// cannot be written to. The temporary name keeps the extension of `path`, for libraries that choose a
   /// format by it. A link is followed: what it points to is replaced.
-  OutputFile(const std::string& path, bool overwrite);
+  OutputFile(const std::string& path, bool overwrite, Role role = Role::kAlone);
   ~OutputFile();  ///< removes the temporary file if it was not committed
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
@@ -26,24 +34,30 @@ class OutputFile {
   /// Appends to the temporary file. Throws Error(kFailure).
   void write(std::span<const std::byte> bytes);
   void write(std::string_view text);
-  /// fsync and rename. Throws Error(kFailure).
+  /// fsync and rename. Throws Error(kFailure); the output is there if only its folder cannot be synced.
   void commit();
   bool is_special() const { return is_special_; }
-  bool is_committed() const { return committed_; }
 
  private:
-  friend void commit_all(std::span<OutputFile* const> files);
-  std::string path_, target_, temporary_;  ///< target_: path_ with its links followed
-  bool committed_ = false, overwrite_ = false, is_special_ = false;
+  friend std::string commit_set(OutputFile& head, std::span<const SetPart> parts);
+  void sync() const;  // the temporary file's bytes
+  // The rest with interrupts held.
+  void move_aside(const std::string& name);  // the temporary file, over what is there
+  void move_into_place();
+  int rename_into_place();  // errno
+  void keep();              // the temporary file, whatever it is named now
+  void discard();           // it, unless it is kept
+
+  std::string path_, target_, temporary_;  ///< target_: path_, or where it leads as a link
+  int lock_ = -1;  ///< on the temporary file: while it is held, the file is not abandoned
+  bool is_kept_ = false, overwrite_ = false, is_special_ = false;
 };
 
-/// Syncs all of them, then renames them in the given order with interrupts held back. Throws Error(kFailure);
-/// what was renamed before the failure stays.
-void commit_all(std::span<OutputFile* const> files);
+/// Whether an OutputFile for `target` could have a temporary file of this name.
+bool is_temporary_name(const std::string& name, const std::string& target);
 
-/// SIGINT, SIGTERM and SIGHUP remove every uncommitted temporary file and exit with 130. A broken pipe and a
-/// file size limit become write errors instead of signals. Called once by main.
-void install_interrupt_cleanup();
+/// Throws Error(kFailure): "path: what: errno's words".
+[[noreturn]] void fail_output(const std::string& path, const std::string& what, int error);
 
 /// Throws Error(kFailure) where `folder`, in which `path` is to be, does not exist.
 void check_folder(const std::string& path, const std::string& folder);

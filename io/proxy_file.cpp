@@ -8,10 +8,12 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "io/file_set.h"
 #include "io/hash.h"
 #include "io/input_file.h"
 #include "io/output_file.h"
 #include "io/polygon_obj.h"
+#include "io/posix_file.h"
 #include "io/vdm_image.h"
 #include "pipeline/base/error.h"
 #include "pipeline/proxy/check_proxy.h"
@@ -114,13 +116,22 @@ std::string encode_sidecar(const Proxy& proxy, const ProxyHeader& header) {
   return text + "\n ]\n}\n";
 }
 
-void refuse_special(const OutputFile& file) {
-  if (file.is_special())
-    throw Error(ErrorKind::kFailure, file.path(),
-                "is no regular file, and a proxy is three files in a folder; name one there");
-}
+struct ProxyOutputs {
+  std::string target;  ///< the OBJ's path with a link followed
+  OutputFile sidecar;  ///< the head of the set
+  OutputFile mesh, map;
 
-std::string_view view_of(const InputBytes& bytes) { return bytes.view(); }
+  ProxyOutputs(const std::string& path, bool overwrite)
+      : target(follow_link(path)),
+        sidecar(proxy_sidecar_path(target), overwrite, OutputFile::Role::kInSet),
+        mesh(target, overwrite, OutputFile::Role::kInSet),
+        map(proxy_map_path(target), overwrite, OutputFile::Role::kInSet) {
+    for (const OutputFile* file : {&sidecar, &mesh, &map})
+      if (file->is_special())
+        throw Error(ErrorKind::kFailure, file->path(),
+                    "is no regular file, and a proxy is three files in a folder; name one there");
+  }
+};
 
 // --- reading
 // ------------------------------------------------------------------------------------------------------
@@ -182,9 +193,10 @@ void read_conventions(const Sidecar& in) {
                 "has another space, order, scale or midlevel than object, xyz, 1, 0", Remedy::kImportProxy);
 }
 
-ProxyHeader read_header(const Sidecar& in) {
+ProxyHeader read_header(const Sidecar& in, std::uint64_t sidecar_bytes) {
   const Json& json = in.json;
   ProxyHeader header;
+  header.sidecar_bytes = sidecar_bytes;
   if (!json.contains("format") || json["format"] != kFormatName)
     throw Error(ErrorKind::kInput, in.path, "is no sidecar of a proxy: its format is not 'rbvh proxy'");
   const Json& version = in.at(json, "version");
@@ -231,11 +243,18 @@ std::vector<PatchTile> read_tiles(const Sidecar& in) {
   return tiles;
 }
 
+[[noreturn]] void refuse_without(const std::string& path, const std::string& needed) {
+  throw Error(ErrorKind::kInput, path, "comes without " + needed + ": a proxy is three files; bring all");
+}
+
+[[noreturn]] void refuse_other(const std::string& path, const std::string& sidecar) {
+  refuse(path, "belongs to another proxy than " + sidecar +
+                   ", or was changed: it does not have the length and the hash named there");
+}
+
 void check_same(std::string_view bytes, std::uint64_t size, std::uint64_t hash, const std::string& path,
                 const std::string& sidecar) {
-  if (bytes.size() != size || hash_bytes(bytes) != hash)
-    refuse(path, "belongs to another proxy than " + sidecar +
-                     ", or was changed: it does not have the length and the hash named there");
+  if (bytes.size() != size || hash_bytes(bytes) != hash) refuse_other(path, sidecar);
 }
 
 void read_mesh(std::string_view bytes, const std::string& path, Proxy& proxy) {
@@ -266,6 +285,27 @@ void read_mesh(std::string_view bytes, const std::string& path, Proxy& proxy) {
   }
 }
 
+Proxy read_proxy(const Sidecar& in, std::string_view mesh, std::string_view map, const std::string& path,
+                 const std::string& map_path) {
+  Proxy proxy;
+  proxy.tiles = read_tiles(in);
+  const Json& size = in.at(in.json, "map");
+  proxy.map_width = static_cast<std::uint32_t>(in.whole(in.at(size, "width"), kMaxMapSide, "map.width"));
+  proxy.map_height = static_cast<std::uint32_t>(in.whole(in.at(size, "height"), kMaxMapSide, "map.height"));
+  if (proxy.map_width == 0 || proxy.map_height == 0) in.fail("the map has no texels");
+  read_mesh(mesh, path, proxy);
+  proxy.map = decode_vdm_exr(map, map_path, proxy.map_width, proxy.map_height);
+  if (const auto fault = find_fault(proxy)) refuse(path, "is malformed: " + *fault);
+  return proxy;
+}
+
+// A link may lead to a proxy and have no sidecar of its own.
+std::string find_sidecar(const std::string& path) {
+  const std::string beside = proxy_sidecar_path(path);
+  std::error_code code;
+  return fs::exists(beside, code) ? beside : proxy_sidecar_path(follow_link(path));
+}
+
 }  // namespace
 
 std::string proxy_map_path(const std::string& path) {
@@ -277,9 +317,9 @@ std::string proxy_sidecar_path(const std::string& path) {
 }
 
 bool is_proxy(const std::string& path) {
-  std::error_code code;
   const std::string extension = fs::path(path).extension().string();
-  return (extension == ".obj" || extension == ".OBJ") && fs::exists(proxy_sidecar_path(path), code);
+  std::error_code code;
+  return (extension == ".obj" || extension == ".OBJ") && fs::exists(find_sidecar(path), code);
 }
 
 void refuse_proxy(const std::string& path) {
@@ -287,7 +327,9 @@ void refuse_proxy(const std::string& path) {
     throw Error(ErrorKind::kInput, path,
                 "is a proxy, and a scan is wanted here; name the scan (" + proxy_sidecar_path(path) +
                     " beside it says of which it was made)");
-  // Without the sidecar its quads would pass for the shape.
+  // Its quads would pass for the shape.
+  if (const auto aside = parse_addressed(path); aside && is_proxy(aside->path))
+    throw Error(ErrorKind::kInput, path, "is a file of the proxy " + aside->path + "; name that one");
   std::error_code code;
   const std::string map = proxy_map_path(path);
   if (fs::path(path).extension() == ".obj" && fs::exists(map, code))
@@ -300,70 +342,70 @@ Proxy decode_proxy(std::string_view sidecar, std::string_view mesh, std::string_
                    const std::string& path, ProxyHeader* header) {
   const std::string sidecar_path = proxy_sidecar_path(path), map_path = proxy_map_path(path);
   const Sidecar in{sidecar_path, parse_json(sidecar, sidecar_path)};
-  ProxyHeader head = read_header(in);
-  head.sidecar_bytes = sidecar.size();
+  const ProxyHeader head = read_header(in, sidecar.size());
   check_same(mesh, head.mesh_bytes, head.mesh_hash, path, sidecar_path);
   check_same(map, head.map_bytes, head.map_hash, map_path, sidecar_path);
-  Proxy proxy;
-  proxy.tiles = read_tiles(in);
-  const Json& size = in.at(in.json, "map");
-  proxy.map_width = static_cast<std::uint32_t>(in.whole(in.at(size, "width"), kMaxMapSide, "map.width"));
-  proxy.map_height = static_cast<std::uint32_t>(in.whole(in.at(size, "height"), kMaxMapSide, "map.height"));
-  if (proxy.map_width == 0 || proxy.map_height == 0) in.fail("the map has no texels");
-  read_mesh(mesh, path, proxy);
-  proxy.map = decode_vdm_exr(map, map_path, proxy.map_width, proxy.map_height);
-  if (const auto fault = find_fault(proxy)) refuse(path, "is malformed: " + *fault);
+  Proxy proxy = read_proxy(in, mesh, map, path, map_path);
   if (header != nullptr) *header = head;
   return proxy;
 }
 
 Proxy load_proxy(const std::string& path, ProxyHeader* header) {
-  const std::string sidecar_path = proxy_sidecar_path(path), map_path = proxy_map_path(path);
-  for (const std::string& needed : {sidecar_path, map_path})
-    if (std::error_code code; !fs::exists(needed, code))
-      throw Error(ErrorKind::kInput, path, "comes without " + needed + ": a proxy is three files; bring all");
-  const InputBytes sidecar = read_input(sidecar_path), mesh = read_input(path), map = read_input(map_path);
-  return decode_proxy(view_of(sidecar), view_of(mesh), view_of(map), path, header);
+  const std::string sidecar_path = find_sidecar(path);
+  const std::string mesh_paths[] = {path, follow_link(path)};
+  const std::string map_paths[] = {proxy_map_path(path), proxy_map_path(mesh_paths[1])};
+  const std::string all_paths[] = {sidecar_path, mesh_paths[0], map_paths[0], map_paths[1]};
+  for (int reads = 1;; ++reads) {
+    const std::vector<std::int64_t> states = file_states(all_paths);
+    if (std::error_code code; !fs::exists(sidecar_path, code)) refuse_without(path, sidecar_path);
+    const InputBytes sidecar = read_input(sidecar_path);
+    const Sidecar in{sidecar_path, parse_json(sidecar.view(), sidecar_path)};
+    ProxyHeader head = read_header(in, sidecar.size);
+    const auto mesh = find_part(mesh_paths, head.mesh_bytes, head.mesh_hash);
+    const auto map = find_part(map_paths, head.map_bytes, head.map_hash);
+    if (mesh && map) {
+      Proxy proxy = read_proxy(in, mesh->bytes.view(), map->bytes.view(), mesh->path, map->path);
+      head.map_file = map->path;
+      if (header != nullptr) *header = head;
+      return proxy;
+    }
+    if (reads < kMostReads && file_states(all_paths) != states) continue;
+    const std::string& missing = mesh ? map_paths[0] : path;
+    if (std::error_code code; !fs::exists(missing, code)) refuse_without(path, missing);
+    refuse_other(missing, sidecar_path);
+  }
 }
 
-ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source,
-                       bool overwrite) {
+SavedProxy save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source,
+                      bool overwrite) {
   if (const auto fault = find_fault(proxy))
     throw Error(ErrorKind::kFailure, path, "would be malformed: " + *fault + "; please report this");
-  OutputFile sidecar(proxy_sidecar_path(path), overwrite), mesh(path, overwrite),
-      map(proxy_map_path(path), overwrite);
-  for (const OutputFile* file : {&sidecar, &mesh, &map}) refuse_special(*file);
-  ProxyHeader header;
+  ProxyOutputs out(path, overwrite);
+  SavedProxy saved;
+  ProxyHeader& header = saved.header;
   header.major = kProxyMajor;
   header.minor = kProxyMinor;
   header.source = source;
   {
     const std::string text = encode_mesh(proxy);
-    mesh.write(text);
+    out.mesh.write(text);
     header.mesh_bytes = text.size();
     header.mesh_hash = hash_bytes(text);
   }
   {
     const std::vector<unsigned char> bytes =
-        encode_vdm_exr(map.path(), proxy.map, proxy.map_width, proxy.map_height);
+        encode_vdm_exr(out.map.path(), proxy.map, proxy.map_width, proxy.map_height);
     const std::string_view view(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    map.write(view);
+    out.map.write(view);
     header.map_bytes = view.size();
     header.map_hash = hash_bytes(view);
   }
   const std::string text = encode_sidecar(proxy, header);
-  sidecar.write(text);
+  out.sidecar.write(text);
   header.sidecar_bytes = text.size();
-
-  // The sidecar goes first: until the others follow it names files that are not there yet, and is refused.
-  OutputFile* const all[] = {&sidecar, &mesh, &map};
-  try {
-    commit_all(all);
-  } catch (...) {
-    if (sidecar.is_committed() && !map.is_committed()) fs::remove(sidecar.path());
-    throw;
-  }
-  return header;
+  const SetPart parts[] = {{&out.mesh, header.mesh_hash}, {&out.map, header.map_hash}};
+  saved.warning = commit_set(out.sidecar, parts);
+  return saved;
 }
 
 void check_proxy_output(const std::string& path, bool overwrite) {
@@ -373,9 +415,7 @@ void check_proxy_output(const std::string& path, bool overwrite) {
   if (fs::path(path).extension() != ".obj")
     throw Error(ErrorKind::kUsage, path,
                 "a proxy is an OBJ with two files beside it; give a name that ends in .obj");
-  const OutputFile sidecar(proxy_sidecar_path(path), overwrite), mesh(path, overwrite),
-      map(proxy_map_path(path), overwrite);
-  for (const OutputFile* file : {&sidecar, &mesh, &map}) refuse_special(*file);
+  const ProxyOutputs probe(path, overwrite);
 }
 
 }  // namespace rbvh

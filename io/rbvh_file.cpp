@@ -15,10 +15,12 @@
 #include <numeric>
 
 #include "io/atlas_file.h"
+#include "io/file_set.h"
 #include "io/hash.h"
 #include "io/input_file.h"
 #include "io/level_codec.h"
 #include "io/output_file.h"
+#include "io/posix_file.h"
 #include "io/rbvh_file_v1.h"
 #include "io/rbvh_tables.h"
 #include "io/shallow_json.h"
@@ -223,6 +225,15 @@ flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atl
   return buffer;
 }
 
+InputBytes read_back(const OutputFile& file) {
+  try {
+    return read_input(file.temporary_path());
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kInput) throw;
+    throw Error(ErrorKind::kFailure, file.path(), std::string("cannot be read back: ") + error.what());
+  }
+}
+
 // The TIFF library does not report every failed write (a full disk, a size limit): the file is read back and
 // compared.
 void check_written(std::span<const std::byte> atlas, const std::string& path, const Rbvh& rbvh) {
@@ -240,11 +251,34 @@ void check_written(std::span<const std::byte> atlas, const std::string& path, co
         throw Error(ErrorKind::kFailure, path, "cannot be written whole; is the disk full?");
 }
 
-void refuse_special(const std::string& path, const OutputFile& file) {
-  if (file.is_special())
-    throw Error(ErrorKind::kFailure, path,
-                "is no regular file, and a pair is two files in a folder; name one there");
+// What is wrong with an atlas that find_part() does not find.
+[[noreturn]] void refuse_atlas(const std::string& path, const PairHeader& header) {
+  const std::string atlas = atlas_path(path);
+  std::error_code error;
+  if (!std::filesystem::exists(atlas, error))
+    refuse(path, "comes without its atlas " + atlas + ": a pair is two files; bring both");
+  if (const std::uint64_t size = std::filesystem::file_size(atlas, error);
+      !error && size < header.atlas_bytes)
+    refuse(atlas, "belongs to another pair than " + path + ", or is cut: it has " + std::to_string(size) +
+                      " bytes and should have " + std::to_string(header.atlas_bytes));
+  refuse(atlas, "belongs to another pair than " + path +
+                    ", or is damaged: it does not have the length and the hash named there");
 }
+
+struct PairOutputs {
+  std::string target;  ///< where the hierarchy's path leads as a link
+  OutputFile hierarchy, atlas;
+
+  PairOutputs(const std::string& path, bool overwrite)
+      : target(follow_link(path)),
+        hierarchy(target, overwrite, OutputFile::Role::kInSet),
+        atlas(atlas_path(target), overwrite, OutputFile::Role::kInSet) {
+    for (const OutputFile* file : {&hierarchy, &atlas})
+      if (file->is_special())
+        throw Error(ErrorKind::kFailure, file->path(),
+                    "is no regular file, and a pair is two files in a folder; name one there");
+  }
+};
 
 }  // namespace
 
@@ -287,29 +321,25 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<
   if (path == "-") refuse("standard input", "is one stream, and a pair is two files; name the .rbvh");
   PairHeader own;
   PairHeader& head = header != nullptr ? *header : own;
-  Rbvh rbvh;
-  {
-    const InputBytes hierarchy = read_input(path);
-    rbvh = decode_hierarchy(bytes_of(hierarchy), path, head);
+  const std::string atlas_paths[] = {atlas_path(path), atlas_path(follow_link(path))};
+  const std::string all_paths[] = {path, atlas_paths[0], atlas_paths[1]};
+  for (int reads = 1;; ++reads) {
+    const std::vector<std::int64_t> states = file_states(all_paths);
+    Rbvh rbvh;
+    {
+      const InputBytes hierarchy = read_input(path);
+      rbvh = decode_hierarchy(bytes_of(hierarchy), path, head);
+    }
+    if (check) check(rbvh);
+    if (const auto atlas = find_part(atlas_paths, head.atlas_bytes, head.atlas_hash)) {
+      head.atlas_file = atlas->path;
+      decode_atlas(bytes_of(atlas->bytes), atlas->path,
+                   head.major == 1 ? StoredHeights::kPlain : StoredHeights::kDifferences, rbvh);
+      if (head.major == 1) give_vertices_attributes(rbvh);
+      return rbvh;
+    }
+    if (reads == kMostReads || file_states(all_paths) == states) refuse_atlas(path, head);
   }
-  if (check) check(rbvh);
-  const std::string atlas_name = atlas_path(path);
-  std::error_code error;
-  if (!std::filesystem::exists(atlas_name, error))
-    refuse(path, "comes without its atlas " + atlas_name + ": a pair is two files; bring both");
-  if (const std::uint64_t size = std::filesystem::file_size(atlas_name, error);
-      !error && size < head.atlas_bytes)
-    refuse(atlas_name, "belongs to another pair than " + path + ", or is cut: it has " +
-                           std::to_string(size) + " bytes and should have " +
-                           std::to_string(head.atlas_bytes));
-  const InputBytes atlas = read_input(atlas_name);
-  if (atlas.size != head.atlas_bytes || hash_bytes(atlas.view()) != head.atlas_hash)
-    refuse(atlas_name, "belongs to another pair than " + path +
-                           ", or is damaged: it does not have the length and the hash named there");
-  decode_atlas(bytes_of(atlas), atlas_name,
-               head.major == 1 ? StoredHeights::kPlain : StoredHeights::kDifferences, rbvh);
-  if (head.major == 1) give_vertices_attributes(rbvh);
-  return rbvh;
 }
 
 RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, std::uint64_t most_bytes) {
@@ -320,33 +350,25 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
 
   std::vector<LevelStreams> streams;
   for (const Level& level : rbvh.levels) streams.push_back(encode_streams(level, path));
-  OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
-  refuse_special(path, hierarchy);
-  refuse_special(atlas.path(), atlas);
+  PairOutputs out(path, overwrite);
   RbvhBytes bytes;
-  bytes.levels = write_atlas(atlas.temporary_path(), atlas.path(), rbvh);
+  bytes.levels = write_atlas(out.atlas.temporary_path(), out.atlas.path(), rbvh);
   flatbuffers::DetachedBuffer buffer;
+  std::uint64_t atlas_hash;
   {
-    const InputBytes written = read_input(atlas.temporary_path());
-    check_written(bytes_of(written), atlas.path(), rbvh);
+    const InputBytes written = read_back(out.atlas);
+    check_written(bytes_of(written), out.atlas.path(), rbvh);
     bytes.atlas = written.size;
-    buffer = encode_hierarchy(rbvh, written.size, hash_bytes(written.view()), streams, bytes.levels);
+    atlas_hash = hash_bytes(written.view());
+    buffer = encode_hierarchy(rbvh, written.size, atlas_hash, streams, bytes.levels);
   }
   bytes.hierarchy = buffer.size();
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i)
     bytes.levels[i] += stream_bytes(streams[i]) + layer_tile_bytes(rbvh.levels[i]);
   if (bytes.hierarchy + bytes.atlas > most_bytes) return bytes;
-  hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
-
-  // The hierarchy goes first: between the two renames it names an atlas that is not there yet, and is
-  // refused.
-  OutputFile* const both[] = {&hierarchy, &atlas};
-  try {
-    commit_all(both);
-  } catch (...) {
-    if (hierarchy.is_committed() && !atlas.is_committed()) std::filesystem::remove(path);
-    throw;
-  }
+  out.hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
+  const SetPart parts[] = {{&out.atlas, atlas_hash}};
+  bytes.warning = commit_set(out.hierarchy, parts);
   return bytes;
 }
 
@@ -385,9 +407,7 @@ RbvhBytes write_rbvh_within(const std::string& path, Rbvh& rbvh, bool overwrite,
 void check_rbvh_output(const std::string& path, bool overwrite) {
   if (path == "-")
     throw Error(ErrorKind::kUsage, "", "a pair is two files and cannot go to standard output; name a file");
-  const OutputFile hierarchy(path, overwrite), atlas(atlas_path(path), overwrite);
-  refuse_special(path, hierarchy);
-  refuse_special(atlas.path(), atlas);
+  const PairOutputs probe(path, overwrite);
 }
 
 }  // namespace rbvh

@@ -17,7 +17,8 @@ namespace rbvh {
 /// of 1.
 inline constexpr std::uint16_t kFormatMajor = 2, kFormatMinor = 0;
 
-/// The atlas that belongs to an .rbvh path: beside it, by stem.
+/// The atlas that belongs to an .rbvh path: beside it, by stem. While a writer replaces the pair, and where
+/// it was not able to replace the atlas, that lies beside this name (io/file_set.h).
 std::string atlas_path(const std::string& rbvh_path);
 
 /// What a pair contains beside its levels.
@@ -25,11 +26,13 @@ struct PairHeader {
   std::uint16_t major = 0, minor = 0;
   std::uint64_t hierarchy_bytes = 0, hierarchy_hash = 0;
   std::uint64_t atlas_bytes = 0, atlas_hash = 0;
+  std::string atlas_file;  ///< where it was found: atlas_path(), or what addressed_path() makes of that
 };
 
 /// Reads and checks a pair: identifier, length, hash, version, verifier, every range, the atlas's length,
-/// hash and geometry. Hostile input is expected. Throws Error(kInput) naming the first fault in a sentence.
-/// `check` sees the pair when it has no texels yet, and may throw.
+/// hash and geometry. Where a writer replaces the pair meanwhile, the result is the old one or the new one.
+/// Hostile input is expected. Throws Error(kInput) naming the first fault in a sentence. `check` sees the
+/// pair when it has no texels yet, and may throw; it may be called again.
 Rbvh read_rbvh(const std::string& path, PairHeader* header = nullptr,
                const std::function<void(const Rbvh&)>& check = {});
 
@@ -39,12 +42,14 @@ Rbvh decode_hierarchy(std::span<const std::byte> file, const std::string& path, 
 struct RbvhBytes {
   std::uint64_t hierarchy = 0, atlas = 0;
   std::vector<std::uint64_t>
-      levels;  ///< each level's nodes, leaves and layers; what is left are names and headers
+      levels;           ///< each level's nodes, leaves and layers; what is left are names and headers
+  std::string warning;  ///< one line on what went wrong although the pair is written and whole; or nothing
 };
 
-/// Writes both files, so that an old hierarchy never has a new atlas beside it; both whole or neither.
-/// Identical input gives identical bytes. Throws Error(kFailure). Where both together would be over
-/// `most_bytes`, nothing is written; the result tells.
+/// Writes both files; at every moment, a reader finds the old pair or the new one, whole (io/file_set.h).
+/// Where `path` is a link, both go beside what it leads to. Identical input gives identical bytes. Throws
+/// Error(kFailure): the old pair is as it was. Where both together would be over `most_bytes`, nothing is
+/// written; the result tells.
 RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite,
                      std::uint64_t most_bytes = std::numeric_limits<std::uint64_t>::max());
 

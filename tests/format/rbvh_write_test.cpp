@@ -3,11 +3,9 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <chrono>
 #include <optional>
-#include <thread>
 
-#include "io/output_file.h"
+#include "io/interrupts.h"
 #include "pipeline/base/parallel_for.h"
 #include "tests/format/pair_test.h"
 
@@ -28,46 +26,6 @@ TEST_F(RbvhWriteTest, ReplacesOnlyWhenAsked) {
   write_rbvh(path("a.rbvh"), make_small_rbvh(1), true);
   expect_equal(make_small_rbvh(1), read_rbvh(path("a.rbvh")));
   EXPECT_EQ(files(), 2u);
-}
-
-// Whatever moment a replacement is cut off at, what is there is the old pair, the new one, or refused.
-TEST_F(RbvhWriteTest, ReplacingIsWholeOrRefused) {
-  const Rbvh old_pair = make_small_rbvh(0), new_pair = make_small_rbvh(1);
-  write_rbvh(path("old.rbvh"), old_pair, false);
-  const Bytes old_hierarchy = read_bytes(path("old.rbvh"));
-  // Starts the replacement in a child, and kills it after `limit`.
-  using Clock = std::chrono::steady_clock;
-  const auto replace = [&](std::optional<Clock::duration> limit) {
-    write_rbvh(path("a.rbvh"), old_pair, true);
-    const Clock::time_point start = Clock::now();
-    const pid_t child = fork();
-    if (child == 0) {
-      set_thread_count(1);  // a fork has none of its parent's pools
-      write_rbvh(path("a.rbvh"), new_pair, true);
-      _exit(0);
-    }
-    if (limit) {
-      std::this_thread::sleep_for(*limit);
-      kill(child, SIGKILL);
-    }
-    waitpid(child, nullptr, 0);
-    return Clock::now() - start;
-  };
-  const Clock::duration undisturbed = replace({});
-  int seen_old = 0, seen_new = 0;
-  for (int run = 0; run < 60; ++run) {
-    replace(run * undisturbed / 30);  // up to twice the time it takes
-    const bool hierarchy_is_old = read_bytes(path("a.rbvh")) == old_hierarchy;
-    const std::string why = refusal("a.rbvh");
-    if (why.empty()) {
-      expect_equal(hierarchy_is_old ? old_pair : new_pair, read_rbvh(path("a.rbvh")));
-      ++(hierarchy_is_old ? seen_old : seen_new);
-    } else {
-      EXPECT_FALSE(hierarchy_is_old) << why;  // never an old hierarchy with a new atlas
-    }
-  }
-  EXPECT_GT(seen_old, 0);
-  EXPECT_GT(seen_new, 0);
 }
 
 // Every size limit below what is needed ends in one error and no file.

@@ -17,6 +17,7 @@
 #include <sstream>
 #include <thread>
 
+#include "io/interrupts.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
@@ -255,16 +256,6 @@ TEST_F(OutputFileTest, InterruptAtAnyMoment) {
       EXPECT_EQ(content(entry.path().string()), whole);
     }
   }
-}
-
-TEST_F(OutputFileTest, PairIsRenamedInOrder) {
-  OutputFile first(path("a.rbvh"), false), second(path("a.atlas.tif"), false);
-  first.write("1");
-  second.write("2");
-  fs::create_directory(path("a.atlas.tif"));
-  OutputFile* const both[] = {&first, &second};
-  failure([&] { commit_all(both); });
-  EXPECT_EQ(content(path("a.rbvh")), "1");
 }
 
 }  // namespace
