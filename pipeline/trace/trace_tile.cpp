@@ -67,13 +67,14 @@ BvhNode binary_node(const RbvhNode& n) {
   return {{{n.lo[0], n.lo[1], n.lo[2]}, {n.hi[0], n.hi[1], n.hi[2]}}, n.first, n.count};
 }
 
-/// Puts a tree of the level's primitives [first, first + count) in the place of `node`. `tiles`: of the level.
+/// Puts a tree of the level's primitives [first, first + count) in the place of `node`. `tiles`: of the
+/// level.
 void add_blocks(const Level& level, std::uint32_t first, std::uint32_t count, std::uint32_t tiles,
                 std::uint32_t node, TraceTree& to) {
   std::vector<Bounds3f> boxes(count);
   for (std::uint32_t i = 0; i < count; ++i) boxes[i] = primitive_bounds(level.primitives, first + i);
-  const Bvh bvh = build_sah_binned_bvh(boxes, BvhConfig{.leaf_size = PRIMITIVE_BLOCK_WIDTH,
-                                                        .test_width = PRIMITIVE_BLOCK_WIDTH});
+  const Bvh bvh = build_sah_binned_bvh(
+      boxes, BvhConfig{.leaf_size = PRIMITIVE_BLOCK_WIDTH, .test_width = PRIMITIVE_BLOCK_WIDTH});
   const auto moved = static_cast<std::uint32_t>(to.bvh.nodes.size()) - 1;
   for (std::size_t n = 0; n < bvh.nodes.size(); ++n) {
     const BvhNode& from = bvh.nodes[n];
@@ -171,8 +172,9 @@ TileTracer make_tile_tracer(const Device& device, const Level& level) {
 void TileTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count,
                            RayQuery query, const Buffer<std::uint32_t>* steps) const {
   device.kernel("trace/trace_tile", "trace_rays", options)
-      .run(count, 64, nodes, tiles, heights, blocks, leaf_of, place_of, tile_count, scene, rays, static_cast<std::uint32_t>(count),
-           query == RayQuery::kAny ? 1u : 0u, hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
+      .run(count, 64, nodes, tiles, heights, blocks, leaf_of, place_of, tile_count, scene, rays,
+           static_cast<std::uint32_t>(count), query == RayQuery::kAny ? 1u : 0u, hits,
+           steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
 void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
@@ -182,12 +184,12 @@ void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   if (device.info().is_cpu) {
     const std::uint32_t in_row = squares(camera.width, 4);
     device.kernel("trace/trace_tile", "trace_camera_packets", options)
-        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, leaf_of, place_of, tile_count, scene,
-             camera, in_row, hits, steps_out);
+        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, leaf_of,
+             place_of, tile_count, scene, camera, in_row, hits, steps_out);
   } else {
     device.kernel("trace/trace_tile", "trace_camera", options)
         .run(std::size_t{squares(camera.width, 8)} * squares(camera.height, 8) * 64, 64, nodes, tiles,
-             heights, blocks, scene, camera, hits, steps_out);
+             heights, blocks, leaf_of, place_of, tile_count, scene, camera, hits, steps_out);
   }
 }
 

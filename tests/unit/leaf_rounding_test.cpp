@@ -68,7 +68,7 @@ TEST(LeafRounding, BoxesContainWhatTheyRound) {
   for (int trial = 0; trial < 1000; ++trial) {
     Bounds3f box;
     for (int corner = 0; corner < 2; ++corner)
-      box.add({uniform(random, 100, 101), uniform(random, 200, 203), uniform(random, 300, 302)});
+      box.add(Vec3f{uniform(random, 100, 101), uniform(random, 200, 203), uniform(random, 300, 302)});
     const Bounds3f rounded = unround_box(grid, round_box(grid, box)),
                    twice = unround_box(grid, round_box(grid, rounded));
     EXPECT_EQ(rounded.lo, twice.lo);
