@@ -84,7 +84,10 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time.upload += watch.lap();
 
   std::vector<LevelRule> rules;
-  for (const LevelConfig& level : config.levels) rules.push_back({level, &config, area, tuning.largest_tile});
+  for (LevelConfig level : config.levels) {
+    if (primitives.discs) level.rho = cloud_rho(level.rho, primitives.count);
+    rules.push_back({level, &config, area, tuning.largest_tile});
+  }
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(),
                        [&](const LevelRule& rule) { return wants_split(rule, node); });

@@ -23,14 +23,12 @@ constexpr std::uint32_t kTexelsPerExact = 11;
 /// A leaf of uncovered triangles is not spread over more texels for each: its box would be mostly empty.
 constexpr std::uint32_t kMaxUncoveredTexels = 64;
 
-/// Texels for each disc from which on a cloud's leaves fall back to discs.
-constexpr float kTexelsPerDisc = 2;
+/// Texels that a point of a cloud is worth.
+constexpr float kTexelsPerPoint = 3;
 constexpr double kNoisyArea = 1.1;
 /// More of the primitives at boundary edges: a soup. Fewer texels for each primitive: too coarse a level.
 constexpr float kMostBoundary = 0.25f, kLeastBoundaryTexels = 0.5f;
 
-/// Discs that overlap at heights further apart are noise, which a tile would not show as they do.
-constexpr float kDiscGapTexels = 0.1f;
 /// In noisy meshes only steps and misses of more texels are worth a split.
 constexpr float kNoisyStep = 8;
 
@@ -59,8 +57,8 @@ bool wants_split(const NodeFacts& node, const LeafQuality& quality, Refinement r
   return node.projected_area < quality.alpha * node.area;
 }
 
-bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs) {
-  return hybrid != Hybrid::kOff && rho >= kTexelsPerDisc * static_cast<float>(discs);
+float cloud_rho(float rho, std::uint32_t points) {
+  return rho * std::min(1.0f, kTexelsPerPoint * static_cast<float>(points) / standard_levels().front().rho);
 }
 
 bool is_noisy_mesh(double area, double smooth_area) { return area > kNoisyArea * smooth_area; }
@@ -76,9 +74,7 @@ bool has_mixed_boundary(float boundary, std::uint32_t primitives) {
 
 FaultLimits fault_limits(const SurfaceFacts& surface) {
   FaultLimits limits;
-  if (surface.prefers_discs) {
-    limits.layer_gap = kDiscGapTexels;
-  } else if (surface.is_cloud) {
+  if (surface.is_cloud) {
     // A cloud's noise is of the order of its discs' radii: less far apart, nothing is a layer or a step.
     limits.layer_gap = std::max(limits.layer_gap, surface.disc_radius);
     limits.step_limit = std::max(limits.step_limit, surface.disc_radius);
@@ -96,7 +92,7 @@ TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits) {
           .is_uneven = counts.layered > 0 || counts.steps > 0 || counts.misses > 0};
 }
 
-LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs) {
+LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid) {
   const std::uint32_t n = tile.primitives;
   if (tile.is_uncovered_group)
     return n == 1 || (n <= kMostExact && tile.texels <= kMaxUncoveredTexels * n) ? LeafDecision::kExact
@@ -104,13 +100,12 @@ LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_disc
   if (hybrid != Hybrid::kOff && n <= kMostExact) {
     const bool is_poor_fit = tile.is_faulty && n <= kMostFaulty,
                takes_more_bytes = tile.texels >= kTexelsPerExact * n;
-    if (hybrid == Hybrid::kAlways || prefers_discs || is_poor_fit || takes_more_bytes)
-      return LeafDecision::kExact;
+    if (hybrid == Hybrid::kAlways || is_poor_fit || takes_more_bytes) return LeafDecision::kExact;
   }
   if (n == 1) return LeafDecision::kRasterize;
   if (hybrid == Hybrid::kAlways) return LeafDecision::kSplit;
-  const bool is_large = prefers_discs || tile.surface_texels > kFaultFloorTexels;
-  return tile.is_faulty && is_large ? LeafDecision::kSplit : LeafDecision::kRasterize;
+  return tile.is_faulty && tile.surface_texels > kFaultFloorTexels ? LeafDecision::kSplit
+                                                                   : LeafDecision::kRasterize;
 }
 
 LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives) {

@@ -45,9 +45,9 @@ bool wants_split(const NodeFacts& node, const LeafQuality& quality, Refinement r
 
 // --- the level as a whole ---
 
-/// A cloud's leaves all fall back to discs where texels are finer than these: discs take no more bytes, and
-/// are exact.
-bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs);
+/// Texels finer than a cloud's points lie apart hold nothing that coarser ones do not: all levels of a cloud
+/// are made coarser by as much as it takes for Q0 to have no more texels than its points are worth.
+float cloud_rho(float rho, std::uint32_t points);
 
 /// A mesh whose noise adds more than a tenth to its area is noisy all over. `smooth_area`: without that
 /// noise.
@@ -76,7 +76,6 @@ struct FaultLimits {
 
 struct SurfaceFacts {
   bool is_cloud = false;
-  bool prefers_discs = false;
   bool is_noisy = false;  ///< a mesh
   float disc_radius = 0;  ///< of a cloud, mean, texels
 };
@@ -107,7 +106,7 @@ struct TileFacts {
 
 enum class LeafDecision { kRasterize, kExact, kSplit };
 
-LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs);
+LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid);
 
 /// What becomes of a finished tile of which some triangles are uncovered: no ray finds them in it. kSplit:
 /// these become leaves of their own.

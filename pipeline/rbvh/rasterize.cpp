@@ -1,8 +1,8 @@
 #include "pipeline/rbvh/rasterize.h"
 
 #include <algorithm>
-#include <optional>
 
+#include "pipeline/rbvh/tile_blend.h"
 #include "pipeline/rbvh/tile_border.h"
 #include "pipeline/rbvh/tile_faults.h"
 #include "pipeline/rbvh/tile_frame.h"
@@ -20,8 +20,8 @@ std::vector<TileFaults> rasterize_own(TileRaster& raster, const Runs& own) {
   for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest}) buffer->fill(0);
   Buffer<TileFaults> faults(device, std::vector<TileFaults>(raster.tiles.size()));
   run_over(raster.device(), own, "build/rasterize", "rasterize_own", raster.device_tiles,
-           raster.partition.references, raster.primitives.shape, raster.discs(), raster.dilation().own,
-           raster.dilation().border, raster.keys, lowest, highest, faults);
+           raster.partition.references, raster.primitives.shape, raster.discs(), kDilation.own,
+           kDilation.border, raster.keys, lowest, highest, faults);
   count_faults(raster, own, lowest, highest, faults);
   return faults.read();
 }
@@ -59,16 +59,13 @@ void drop_split_tiles(TileRaster& raster, const std::vector<Tile>& drafts) {
   if (kept > 0) raster.upload_tiles();
 }
 
-void finish_tiles(const TileRaster& raster, std::vector<Tile>& finished, TileTexels& texels) {
+void finish_tiles(TileRaster& raster, std::vector<Tile>& finished, TileTexels& texels) {
   const Runs own = own_runs(raster);
-  // The borders of discs stay as their own dilation leaves them.
-  std::optional<Neighbors> neighbors;
-  if (!raster.primitives.discs) {
-    neighbors = find_neighbors(raster);
-    merge_neighbors(raster, *neighbors);
-    find_uncovered(raster, own, finished);
-  }
-  store_texels(raster, own, neighbors ? &*neighbors : nullptr, finished, texels);
+  const Neighbors neighbors = find_neighbors(raster);
+  merge_neighbors(raster, neighbors);
+  if (raster.primitives.discs) return store_texels(raster, blend_discs(raster, neighbors), finished, texels);
+  find_uncovered(raster, own, finished);
+  store_texels(raster, interpolate_triangles(raster, own, neighbors), finished, texels);
 }
 
 }  // namespace

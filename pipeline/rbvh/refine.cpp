@@ -16,7 +16,7 @@ namespace {
 struct RefineState {
   const Primitives& primitives;
   const LevelRule& rule;
-  bool prefers_discs = false, separates_boundary = false, is_noisy = false;
+  bool separates_boundary = false, is_noisy = false;
   RefinedLevel result;
   std::set<std::uint32_t> uncovered = {};  ///< nodes of triangles that are uncovered in the tile of another
 
@@ -83,7 +83,6 @@ RasterConfig raster_config(const RefineState& level, float rho) {
   return {.rho = rho,
           .separates_boundary = level.separates_boundary,
           .limits = fault_limits({.is_cloud = is_cloud,
-                                  .prefers_discs = level.prefers_discs,
                                   .is_noisy = level.is_noisy,
                                   .disc_radius = level.primitives.mean_radius * std::sqrt(rho)})};
 }
@@ -95,7 +94,7 @@ LeafDecision decide(const RefineState& level, const Tile& tile) {
                       .surface_texels = texels_per_area(level.rule, node) * node.sums.area,
                       .is_faulty = tile.flaws.any() || (level.separates_boundary && node.sums.boundary > 0),
                       .is_uncovered_group = level.uncovered.contains(tile.node)},
-                     level.hybrid(), level.prefers_discs);
+                     level.hybrid());
 }
 
 /// Rasterises these leaves, appends the finished tiles, and returns how the faulty ones are to be split.
@@ -164,7 +163,6 @@ RefineState start_refining(const Primitives& primitives, const Partition& partit
   RefineState level{
       .primitives = primitives,
       .rule = rule,
-      .prefers_discs = primitives.discs && prefers_discs(hybrid, rule.level.rho, primitives.count),
       .separates_boundary = separates_boundary(hybrid, scan),
       .is_noisy = is_noisy_mesh(primitives.area, static_cast<double>(root.sums.area)),
       .result = {.partition = {.nodes = partition.nodes,
