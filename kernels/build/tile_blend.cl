@@ -89,16 +89,16 @@ static inline void add_disc(__global const RasterTile* tile, const TileFrame* fr
 // discs[firsts[k], firsts[k + 1]): those of tile k and of its overlapping neighbours, in the order in which
 // they are added. `sums`: zeros. The heights in the keys become the blended ones.
 __kernel void tile_blend(__global const RasterTile* tiles, uint tile_count, __global const uint* firsts,
-                         __global const uint* discs, __global const float* shape, __global const uint* order,
-                         __global const uint* colors, uint has_colors, float reach, float filter, float gap,
-                         __global float* sums, __global uint* keys, __global uint* texel_normals,
-                         __global uint* texel_colors) {
+                         __global const uint* discs, __global const float* shape, __global const float* reach,
+                         __global const uint* order, __global const uint* colors, uint has_colors,
+                         float filter, float gap, __global float* sums, __global uint* keys,
+                         __global uint* texel_normals, __global uint* texel_colors) {
   const uint k = get_global_id(0);
   if (k >= tile_count) return;
   __global const RasterTile* tile = tiles + k;
   const TileFrame frame = make_frame(tile->to_tile);
   for (uint i = firsts[k]; i < firsts[k + 1]; ++i)
-    add_disc(tile, &frame, shape + 9 * (size_t)discs[i], reach, filter, gap,
+    add_disc(tile, &frame, shape + 9 * (size_t)discs[i], reach[discs[i]], filter, gap,
              has_colors ? colors[order[discs[i]]] : 0u, keys + tile->offset,
              sums + SUMS * (size_t)tile->offset);
   const uint begin = tile->offset, end = begin + tile->width * tile->height;

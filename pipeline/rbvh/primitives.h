@@ -28,6 +28,8 @@ struct Primitives {
   Buffer<std::uint32_t> objects;  ///< ids; one dummy where all primitives are of one object
   bool has_objects = false;
   float mean_radius = 0;  ///< of the discs
+  Buffer<float> reach;    ///< how far each disc is blended with others, in its radii; one dummy for triangles
+  float mean_reach = 1;
   double area = 0;        ///< of all, with that of noise
 };
 

@@ -41,8 +41,8 @@ TexelSignals blend_discs(const TileRaster& raster, const Neighbors& neighbors) {
   Buffer<float> sums(device, kSums * raster.texel_count);
   sums.fill(0);
   raster.run_over_tiles("build/tile_blend", "tile_blend", Buffer<std::uint32_t>(device, lists.firsts),
-                        Buffer<std::uint32_t>(device, lists.discs), primitives.shape, primitives.order,
-                        primitives.colors, primitives.has_colors ? 1u : 0u, kBlendReach, kFilterTexels,
+                        Buffer<std::uint32_t>(device, lists.discs), primitives.shape, primitives.reach,
+                        primitives.order, primitives.colors, primitives.has_colors ? 1u : 0u, kFilterTexels,
                         raster.config.limits.layer_gap, sums, raster.keys, signals.normals, signals.colors);
   return signals;
 }

@@ -18,7 +18,8 @@ Neighbors find_neighbors(const TileRaster& raster) {
   for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
     const PartitionNode& node = raster.node(k);
     float dilation = kDilation.border * texel_size(raster.tiles[k]);
-    if (raster.primitives.discs) dilation += (kBlendReach - 1) * raster.primitives.mean_radius;
+    if (raster.primitives.discs)
+      dilation += (raster.primitives.mean_reach - 1) * raster.primitives.mean_radius;
     for (int c = 0; c < 3; ++c) {
       queries[k].lo[c] = node.sums.lo[c] - dilation;
       queries[k].hi[c] = node.sums.hi[c] + dilation;

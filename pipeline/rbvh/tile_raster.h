@@ -26,9 +26,6 @@ struct Dilation {
 };
 inline constexpr Dilation kDilation{1.0f, 1.5f};
 
-/// How far a disc is blended with others, in its radii.
-inline constexpr float kBlendReach = 2.0f;
-
 /// Texels keep their places in the buffers from first to last, also where tiles are dropped.
 struct TileRaster {
   const Primitives& primitives;
