@@ -75,9 +75,8 @@ bool has_mixed_boundary(float boundary, std::uint32_t primitives) {
 FaultLimits fault_limits(const SurfaceFacts& surface) {
   FaultLimits limits;
   if (surface.is_cloud) {
-    // A cloud's noise is of the order of its discs' radii: less far apart, nothing is a layer or a step.
-    limits.layer_gap = std::max(limits.layer_gap, surface.disc_radius);
-    limits.step_limit = std::max(limits.step_limit, surface.disc_radius);
+    limits.layer_gap = std::max(limits.layer_gap, surface.thickness);
+    limits.step_limit = std::max(limits.step_limit, surface.thickness);
   } else if (surface.is_noisy) {
     // How single triangles stand is noise.
     limits.step_limit = limits.miss_limit = kNoisyStep;
@@ -116,6 +115,7 @@ LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives)
 
 FaultSplit choose_fault_split(const TileFlaws& flaws) {
   if (flaws.has_back) return {SplitBy::kFacing, 0};
+  if (flaws.has_layers) return {SplitBy::kHeight, 0};
   if (flaws.is_steep) return {SplitBy::kFacing, RBVH_STEEP_COSINE};
   return {};
 }

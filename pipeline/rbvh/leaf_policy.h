@@ -77,7 +77,7 @@ struct FaultLimits {
 struct SurfaceFacts {
   bool is_cloud = false;
   bool is_noisy = false;  ///< a mesh
-  float disc_radius = 0;  ///< of a cloud, mean, texels
+  float thickness = 0;    ///< of a cloud: what lies less far apart in height is one surface; texels
 };
 
 FaultLimits fault_limits(const SurfaceFacts& surface);
@@ -86,11 +86,12 @@ FaultLimits fault_limits(const SurfaceFacts& surface);
 
 /// Why a height field is a poor fit for a tile's primitives.
 struct TileFlaws {
-  bool has_back = false;   ///< part of it faces away from the tile
-  bool is_steep = false;   ///< part of it is steep on the tile's plane
-  bool is_uneven = false;  ///< two layers, a depth step, or corners far from the heights
+  bool has_back = false;    ///< part of it faces away from the tile
+  bool has_layers = false;  ///< a cloud's: part of it lies above another part
+  bool is_steep = false;    ///< part of it is steep on the tile's plane
+  bool is_uneven = false;   ///< two layers, a depth step, or corners far from the heights
 
-  bool any() const { return has_back || is_steep || is_uneven; }
+  bool any() const { return has_back || has_layers || is_steep || is_uneven; }
 };
 
 TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits);
@@ -117,6 +118,7 @@ LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives)
 enum class SplitBy {
   kRule,      ///< the partition's: spatial median or surface area heuristic
   kFacing,    ///< primitives that face a direction from those that do not
+  kHeight,    ///< an upper layer from a lower one
   kBoundary,  ///< primitives at boundary edges from those that are not
   kFirst,     ///< the first few references from the rest
 };

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <cstdio>
-#include <cstdlib>
 
 #include "pipeline/base/error.h"
 #include "pipeline/device/radix_sort.h"
@@ -98,7 +96,7 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
         .run((count + kWindow - 1) / kWindow, job_group_size(device), p.count, kWindow, p.shape, p.reach);
     const std::vector<float> reach = p.reach.read();
     p.mean_reach = std::accumulate(reach.begin(), reach.end(), 0.0f) / static_cast<float>(count);
-    if (getenv("RBVH_DEBUG")) { std::vector<float> q = reach; std::sort(q.begin(), q.end()); std::fprintf(stderr, "reach mean %g p10 %g p50 %g p90 %g radius %g spacing/r %g\n", p.mean_reach, q[count/10], q[count/2], q[count*9/10], p.mean_radius, spacing); }
+    p.thickness = p.mean_radius * std::max(1.0f, p.mean_reach - 1);
   } else {
     p.reach = Buffer<float>(device, 1);
     Buffer<std::uint32_t> left_over(device, vertices);

@@ -30,7 +30,8 @@ struct Primitives {
   float mean_radius = 0;  ///< of the discs
   Buffer<float> reach;    ///< how far each disc is blended with others, in its radii; one dummy for triangles
   float mean_reach = 1;
-  double area = 0;        ///< of all, with that of noise
+  float thickness = 0;  ///< of a cloud's surface, scan units: as far apart in height, discs are still one
+  double area = 0;      ///< of all, with that of noise
 };
 
 /// The work-group size that suits the device's one-work-item-one-job kernels.

@@ -84,7 +84,7 @@ RasterConfig raster_config(const RefineState& level, float rho) {
           .separates_boundary = level.separates_boundary,
           .limits = fault_limits({.is_cloud = is_cloud,
                                   .is_noisy = level.is_noisy,
-                                  .disc_radius = level.primitives.mean_radius * std::sqrt(rho)})};
+                                  .thickness = level.primitives.thickness * std::sqrt(rho)})};
 }
 
 LeafDecision decide(const RefineState& level, const Tile& tile) {
@@ -114,7 +114,8 @@ std::vector<SplitRequest> rasterize_leaves(RefineState& level, const std::vector
         continue;
       }
       const FaultSplit split = choose_fault_split(tile.flaws);
-      requests.push_back({tile.node, split.by, tile.w, split.cosine});
+      requests.push_back(
+          {tile.node, split.by, tile.w, split.by == SplitBy::kHeight ? tile.middle : split.cosine});
     }
   return requests;
 }
