@@ -1,8 +1,8 @@
-// Top down: a set of discs that one disc can stand for becomes that disc; any other is halved, by object, by
-// the side that its discs face, or else at the median of its longest axis:
+// Top down: a set of discs that one disc can stand for becomes that disc; any other is halved: by object, by
+// the side that its discs face, at a depth step, or else at the median of its longest axis:
 //
-//    . . . . | . . . .        . . . . : . . . .        ( merged ) : . ./.
-//    . . . . | . . ./.   ->   . . . . : - - -/-   ->   (        ) : ( )/( )
+//    . . . . . . . .        . . . . : . . . .        ( merged ) : . : .
+//    . . . . . . ./'   ->   . . . . : . . ./'   ->   (        ) : . : /
 #include "pipeline/scan/merge_discs.h"
 
 #include <algorithm>
@@ -13,12 +13,17 @@
 #include <span>
 
 #include "pipeline/base/error.h"
+#include "pipeline/scan/disc_tree.h"
 #include "pipeline/scan/normals.h"
 #include "pipeline/scan/radii.h"
 
 namespace rbvh {
 namespace {
 
+/// Of positions, in radii.
+constexpr double kRounding = 1e-5;
+/// Points on the edge of a merged disc that are looked at.
+constexpr int kEdgePoints = 12;
 /// A disc around others reaches no further beyond them than this many sides of a square of their area:
 /// further apart they are strewn, or lie along a line.
 constexpr double kMostReach = 0.9;
@@ -32,11 +37,12 @@ struct Disc {
 
 class Merger {
  public:
-  Merger(const Scan& cloud, const MergeConfig& config)
+  Merger(const Scan& cloud, std::span<const std::uint32_t> usable, const MergeConfig& config)
       : cloud_(cloud),
         config_(config),
         cosine_(std::cos(config.degrees * std::numbers::pi / 180)),
-        side_(spacing_per_radius(cloud)) {
+        side_(spacing_per_radius(cloud)),
+        tree_(cloud, usable) {
     copy_attributes();
   }
 
@@ -100,7 +106,7 @@ class Merger {
     for (const std::uint32_t i : set) {
       const Vec3d d = center(i) - disc.center, tint = color(i) - disc.color;
       const double above = dot(d, disc.normal);
-      if (std::abs(above) > config_.bound || dot(normal(i), disc.normal) < cosine_ ||
+      if (std::abs(above) > config_.bound + kRounding * radius(i) || !agree(disc.normal, i) ||
           std::max({std::abs(tint.x), std::abs(tint.y), std::abs(tint.z)}) > config_.color ||
           object(i) != object(set[0]))
         return std::nullopt;
@@ -108,8 +114,30 @@ class Merger {
       largest = std::max(largest, radius(i));
       area_sum += area(i);
     }
-    if (disc.radius > kMostReach * std::sqrt(area_sum) + largest) return std::nullopt;
+    if (disc.radius > kMostReach * std::sqrt(area_sum) + largest || !is_on_surface(disc, largest))
+      return std::nullopt;
     return disc;
+  }
+
+  /// A disc that leans further than normals may differ still lies within the bound where it is small.
+  bool agree(const Vec3d& to, std::uint32_t i) const {
+    const double cosine = dot(normal(i), to);
+    return cosine >= cosine_ || (cosine > 0 && radius(i) * std::sqrt(1 - cosine * cosine) <= config_.bound);
+  }
+
+  /// A disc is round, the discs that it stands for are not: past them there must be others. Where the surface
+  /// ends, it ends up to another disc's radius further out.
+  bool is_on_surface(const Disc& disc, double largest) const {
+    const Vec3d helper = std::abs(disc.normal.x) < 0.6 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
+    const Vec3d u = normalized(cross(disc.normal, helper)), v = cross(disc.normal, u);
+    for (int k = 0; k < kEdgePoints; ++k) {
+      const double angle = 2 * std::numbers::pi * k / kEdgePoints;
+      const Vec3d edge = disc.center + (u * std::cos(angle) + v * std::sin(angle)) * disc.radius;
+      if (!tree_.covers(static_cast<Vec3f>(edge), static_cast<Vec3f>(disc.normal),
+                        static_cast<float>(config_.bound + largest)))
+        return false;
+    }
+    return true;
   }
 
   std::int32_t object(std::uint32_t i) const { return cloud_.object_ids.empty() ? 0 : cloud_.object_ids[i]; }
@@ -126,6 +154,22 @@ class Merger {
     const auto faces = [&](std::uint32_t i) { return dot(normal(i), axis) >= 0; };
     const std::size_t facing = move_first(faces);
     if (facing > 0 && facing < set.size()) return facing;
+
+    // A depth step: nothing lies between two heights that are further apart than the bound.
+    std::vector<double> heights;
+    for (const std::uint32_t i : set) heights.push_back(dot(center(i), axis));
+    std::sort(heights.begin(), heights.end());
+    double gap = config_.bound, middle_of_gap = 0;
+    for (std::size_t i = 0; i + 1 < heights.size(); ++i)
+      if (heights[i + 1] - heights[i] > gap) {
+        gap = heights[i + 1] - heights[i];
+        middle_of_gap = (heights[i] + heights[i + 1]) / 2;
+      }
+    if (gap > config_.bound) {
+      const std::size_t below =
+          move_first([&](std::uint32_t i) { return dot(center(i), axis) < middle_of_gap; });
+      if (below > 0 && below < set.size()) return below;
+    }
 
     Bounds3d box;
     for (const std::uint32_t i : set) box.add(center(i));
@@ -166,6 +210,7 @@ class Merger {
   const MergeConfig& config_;
   double cosine_;
   double side_;  ///< of the square that a disc stands for, in its radii: discs overlap
+  DiscTree tree_;
   Scan result_;
 };
 
@@ -180,8 +225,9 @@ Scan merge_discs(const Scan& cloud, const MergeConfig& config, MergeCounts* coun
     return is_finite(cloud.positions[i]) && is_direction(cloud.normals[i]) && std::isfinite(cloud.radii[i]) &&
            cloud.radii[i] > 0;
   });
-  Merger merger(cloud, config);
-  merger.merge({discs.begin(), first_degenerate});
+  const Set usable(discs.begin(), first_degenerate);
+  Merger merger(cloud, usable, config);
+  merger.merge(usable);
   for (auto i = first_degenerate; i != discs.end(); ++i) merger.append_one(*i);
   if (counts != nullptr) *counts = merger.counts;
   return merger.take();

@@ -10,9 +10,10 @@
 namespace rbvh {
 
 struct MergeConfig {
-  double bound = 0;     ///< from a disc's centre to the plane of what it is merged to, scan units
-  double degrees = 30;  ///< between the normals of the two
-  int color = 32;       ///< between the colours of the two, in any channel of 0..255
+  double bound = 0;  ///< from a disc's centre to the plane of what it is merged to, scan units
+  double degrees =
+      30;          ///< between the normals of the two, unless the disc lies within the bound all the same
+  int color = 32;  ///< between the colours of the two, in any channel of 0..255
 };
 
 struct MergeCounts {

@@ -177,8 +177,9 @@ TEST(TraceTile, HybridChoosesWhichLeavesFallBack) {
 TEST(TraceTile, LeavesThatFellBackAreHitExactly) {
   const std::uint64_t seed = property_seed();
   for (const Scan& scan : {thicket(400, seed), noisy_discs(40, seed)}) {
-    const Level level =
-        build(scan, {{"Q", 4e4f, 0.85f, 45}}, Refinement::kProjectedArea, Hybrid::kAuto).levels[0];
+    const Level level = build(scan, {{"Q", 4e4f, 0.85f, 45}}, Refinement::kProjectedArea,
+                              scan.is_cloud() ? Hybrid::kAlways : Hybrid::kAuto)
+                            .levels[0];
     ASSERT_GT(level.exact_leaves.size(), 20u);
     EXPECT_EQ(level.exact_discs, scan.is_cloud());
     const std::vector<Ray> rays = rays_at_sphere(1500, seed, false);
