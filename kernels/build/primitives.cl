@@ -74,6 +74,12 @@ __kernel void primitives_triangles(__global const float* positions, __global con
   area_normal[j] = n;
 }
 
+// Of a disc's blend with others, in radii; and the cosine of normals that face the same way.
+#define LEAST_REACH 1.8f
+#define MOST_REACH 3.5f
+#define REACH_PER_NOISE 10.0f
+#define SAME_WAY 0.7f
+
 // shape: centre, radius, unit normal, two unused. A disc stands for a square of its neighbours' spacing, so
 // that a cloud's area does not count the discs' overlap: area = (radius * spacing_per_radius)^2.
 __kernel void primitives_discs(__global const float* positions, __global const float* normals,
@@ -99,6 +105,28 @@ __kernel void primitives_discs(__global const float* positions, __global const f
   box_lo[j] = lo;
   box_hi[j] = c + extent;
   area_normal[j] = n * (spacing * spacing);
+}
+
+// How far each disc is blended with others, in its radii: the noisier a cloud is, the more of it a point must
+// be averaged over. Noise is what is left of the distance between two neighbouring discs along their mean
+// normal, which a smooth surface does not have (its bend is the same seen from both). One work-item handles
+// `window` consecutive discs, each with those that follow it at once.
+__kernel void primitives_reach(uint count, uint window, __global const float* shape, __global float* reach) {
+  const uint begin = get_global_id(0) * window, end = min(begin + window, count);
+  float noise = 0.0f, pairs = 0.0f;
+  for (uint i = begin; i < end; ++i)
+    for (uint j = i + 1; j < min(i + 4, end); ++j) {
+      __global const float *a = shape + 9 * (size_t)i, *b = shape + 9 * (size_t)j;
+      const float4 away = load3(b, 0) - load3(a, 0), na = (float4)(a[4], a[5], a[6], 0.0f),
+                   nb = (float4)(b[4], b[5], b[6], 0.0f);
+      const float radii = a[3] + b[3];
+      if (!(dot(away, away) < radii * radii && dot(na, nb) > SAME_WAY)) continue;
+      noise += fabs(dot(away, na + nb)) / radii;
+      pairs += 1.0f;
+    }
+  const float r =
+      clamp(LEAST_REACH + REACH_PER_NOISE * (pairs > 0.0f ? noise / pairs : 0.0f), LEAST_REACH, MOST_REACH);
+  for (uint i = begin; i < end; ++i) reach[i] = r;
 }
 
 // A patch of fewer primitives than this is shape, not noise.

@@ -27,7 +27,7 @@ __kernel void tile_border_widen(__global const RasterTile* tiles, uint tile_coun
 // only marks that the surface does not end there (key 1). A primitive on a boundary edge of the scan is
 // dilated by `boundary_distance` texels only, unless it faces away or is steep.
 __kernel void tile_border_overlaps(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                                   __global const uint* overlaps, __global const float* shape,
+                                   __global const uint* overlaps, __global const float* shape, uint is_disc,
                                    __global const float4* area_normal, float boundary_distance,
                                    float dilation, float gap, __global const uint* keys,
                                    __global uint* overlap_keys) {
@@ -36,7 +36,7 @@ __kernel void tile_border_overlaps(__global const Run* runs, uint run_count, __g
   const uint end = runs[r].end;
   __global const RasterTile* tile = tiles + runs[r].owner;
   for (uint i = runs[r].begin; i < end; ++i) {
-    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)overlaps[i], 0u, dilation);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)overlaps[i], is_disc, dilation);
     const bool faces = !p.is_back && !p.flat && p.steep == 0.0f;
     const float most = faces && area_normal[overlaps[i]].w != 0.0f ? boundary_distance : 2.0f * dilation;
     FOR_EACH_TEXEL(p) {

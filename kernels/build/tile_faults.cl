@@ -4,14 +4,15 @@
 
 #pragma OPENCL FP_CONTRACT OFF
 
-// `layer_gap`, `step_limit`: in texels.
+// `layer_gap`, `step_limit`: in texels. `middles`: the mean height halfway between two layers, fine quanta.
 __kernel void tile_faults_steps(__global const RasterTile* tiles, uint tile_count, __global const uint* keys,
                                 __global const uint* lowest, __global const uint* highest, float layer_gap,
-                                float step_limit, __global TileFaults* faults) {
+                                float step_limit, __global TileFaults* faults, __global float* middles) {
   const uint k = get_global_id(0);
   if (k >= tile_count) return;
   const RasterTile tile = tiles[k];
   uint layered = 0, steps = 0;
+  float middle = 0.0f;
   const float gap = layer_gap * tile.texel_w, step = step_limit * tile.texel_w;
   for (uint y = 0; y < tile.height; ++y)
     for (uint x = 0; x < tile.width; ++x) {
@@ -19,14 +20,18 @@ __kernel void tile_faults_steps(__global const RasterTile* tiles, uint tile_coun
       const uint key = keys[at];
       if (key == 0) continue;
       const float w = (float)key_height(key);
-      if (highest[at] != 0 && (float)(highest[at] - 1u) - (RBVH_FINE_MAX - (float)(lowest[at] - 1u)) > gap)
+      const float top = (float)(highest[at] - 1u), bottom = RBVH_FINE_MAX - (float)(lowest[at] - 1u);
+      if (highest[at] != 0 && top - bottom > gap) {
         layered++;
+        middle += 0.5f * (top + bottom);
+      }
       const uint right = x + 1 < tile.width ? keys[at + 1] : 0,
                  below = y + 1 < tile.height ? keys[at + tile.width] : 0;
       if (right != 0 && fabs((float)key_height(right) - w) > step) steps++;
       if (below != 0 && fabs((float)key_height(below) - w) > step) steps++;
     }
   faults[k].layered = layered;
+  middles[k] = layered != 0 ? middle / (float)layered : 0.0f;
   faults[k].steps = steps;
 }
 

@@ -130,13 +130,9 @@ static inline Sample sample_disc(const TileDisc* d, float2 x, float dilation) {
   Sample s;
   const float2 step = x - d->center.xy;
   const float rise = -dot(d->lean, step);
-  const float away = sqrt(dot(step, step) + rise * rise * d->w_texels * d->w_texels);
+  const float away = sqrt(dot(step, step) + rise * rise * d->w_texels * d->w_texels) - d->radius;
   s.w = d->center.z + rise;
-  s.distance = away <= d->radius ? 0.0f
-               : away <= d->radius + 1.42f * dilation
-                   ? dilation * (1.0f + (away - d->radius) / (1.42f * dilation))
-                   : -1.0f;
-  if (d->flat && s.distance >= 0.0f) s.distance = 2.0f * dilation;
+  s.distance = away > 1.42f * dilation ? -1.0f : max(away, d->flat ? 0.5f : 0.0f);
   return s;
 }
 

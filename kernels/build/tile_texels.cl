@@ -1,4 +1,5 @@
 // From keys to what is stored: 16-bit heights over each tile's range, normals and colours.
+#include "kernels/build/pack_signals.h"
 #include "kernels/build/tile_primitive.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -35,30 +36,10 @@ __kernel void tile_texels_quantize(__global const RasterTile* tiles, uint tile_c
   }
 }
 
-// Octahedral unit normal, 8 bits a coordinate, and 5-6-5 colour, as the file has them.
-static inline uint pack_normal(float4 n) {
-  const float sum = fabs(n.x) + fabs(n.y) + fabs(n.z);
-  if (!(sum > 0.0f)) return 0x8080u;
-  float2 p = n.xy / sum;
-  if (n.z < 0.0f) p = (1.0f - fabs(p.yx)) * (float2)(n.x < 0.0f ? -1.0f : 1.0f, n.y < 0.0f ? -1.0f : 1.0f);
-  const float2 q = clamp(floor(p * 127.0f + 128.5f), 1.0f, 255.0f);
-  return (uint)q.x | ((uint)q.y << 8);
-}
-
-static inline uint pack_color(float4 c) {
-  const float4 q = clamp(floor(c * (float4)(31.0f, 63.0f, 31.0f, 0.0f) / 255.0f + 0.5f), 0.0f, 63.0f);
-  return ((uint)q.x << 11) | ((uint)q.y << 5) | (uint)q.z;
-}
-
-static inline float4 color_of(__global const uint* colors, uint i) {
-  const uint c = colors[i];
-  return (float4)((float)(c & 255u), (float)((c >> 8) & 255u), (float)((c >> 16) & 255u), 0.0f);
-}
-
-// Rasterises the same primitives again: those whose key won give the texel their normal (and colour),
+// Rasterises the same triangles again: those whose key won give the texel their normal (and colour),
 // interpolated at its centre. Of equal keys the largest value wins, so the order does not matter here either.
 __kernel void tile_texels_signals(__global const Run* runs, uint run_count, __global const RasterTile* tiles,
-                                  __global const uint* references, __global const float* shape, uint is_disc,
+                                  __global const uint* references, __global const float* shape,
                                   float dilation, float rank_dilation, __global const uint* keys,
                                   __global const uint* order, __global const uint* indices,
                                   __global const float* normals, __global const uint* colors, uint has_colors,
@@ -69,26 +50,21 @@ __kernel void tile_texels_signals(__global const Run* runs, uint run_count, __gl
   __global const RasterTile* tile = tiles + runs[r].owner;
   for (uint i = runs[r].begin; i < end; ++i) {
     const uint j = references[i];
-    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)j, is_disc, dilation);
+    const TilePrimitive p = make_primitive(tile, shape + 9 * (size_t)j, 0, dilation);
     FOR_EACH_TEXEL(p) {
       const uint at = tile->offset + (uint)y * tile->width + (uint)x;
       if (keys[at] == 0 || !may_win(&p, x, y, keys[at], rank_dilation)) continue;
       const Sample q = sample_primitive(&p, x, y, dilation);
       if (q.distance < 0.0f || make_key(q.distance, rank_dilation, q.w) != keys[at]) continue;
-      if (is_disc) {
-        raise(texel_normals + at, pack_normal(load3(normals, order[j])));
-        if (has_colors) raise(texel_colors + at, 0x10000u | pack_color(color_of(colors, order[j])));
-        continue;
-      }
       __global const uint* corner = indices + 3 * (size_t)order[j];
       const float3 k = barycentric(&p.triangle, (float2)((float)x, (float)y));
       raise(texel_normals + at,
             pack_normal(load3(normals, corner[0]) * k.x + load3(normals, corner[1]) * k.y +
                         load3(normals, corner[2]) * k.z));
       if (has_colors)
-        raise(texel_colors + at,
-              0x10000u | pack_color(color_of(colors, corner[0]) * k.x + color_of(colors, corner[1]) * k.y +
-                                    color_of(colors, corner[2]) * k.z));
+        raise(texel_colors + at, 0x10000u | pack_color(unpack_color(colors[corner[0]]) * k.x +
+                                                       unpack_color(colors[corner[1]]) * k.y +
+                                                       unpack_color(colors[corner[2]]) * k.z));
     }
   }
 }

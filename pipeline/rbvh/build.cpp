@@ -147,8 +147,10 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time.upload += watch.lap();
 
   std::vector<LevelRule> rules;
-  for (const LevelConfig& level : config.levels)
+  for (LevelConfig level : config.levels) {
+    if (primitives.discs) level.rho = cloud_rho(level.rho, primitives.count);
     rules.push_back(make_rule(level, config, area, box.diagonal(), primitives, tuning));
+  }
   // One tree serves all levels of tiles.
   const auto any_level_splits = [&](const PartitionNode& node) {
     return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& rule) {

@@ -27,14 +27,12 @@ constexpr std::uint32_t kMaxUncoveredTexels = 64;
 constexpr float kWidestTexel = 1.2e-3f;
 /// Texels that take as many bytes as a simplified triangle, measured: 0.8 bytes each against 2.6.
 constexpr float kTexelsPerSimplified = 3;
-/// Texels for each disc from which on a cloud's leaves fall back to discs.
-constexpr float kTexelsPerDisc = 2;
+/// Texels that a point of a cloud is worth.
+constexpr float kTexelsPerPoint = 3;
 constexpr double kNoisyArea = 1.1;
 /// More of the primitives at boundary edges: a soup. Fewer texels for each primitive: too coarse a level.
 constexpr float kMostBoundary = 0.25f, kLeastBoundaryTexels = 0.5f;
 
-/// Discs that overlap at heights further apart are noise, which a tile would not show as they do.
-constexpr float kDiscGapTexels = 0.1f;
 /// In noisy meshes only steps and misses of more texels are worth a split.
 constexpr float kNoisyStep = 8;
 
@@ -73,8 +71,8 @@ bool wants_split_primitives(const NodeFacts& node) {
   return node.objects > 1 || node.primitives > kMostPrimitives;
 }
 
-bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs) {
-  return hybrid != Hybrid::kOff && rho >= kTexelsPerDisc * static_cast<float>(discs);
+float cloud_rho(float rho, std::uint32_t points) {
+  return rho * std::min(1.0f, kTexelsPerPoint * static_cast<float>(points) / standard_levels().front().rho);
 }
 
 bool is_noisy_mesh(double area, double smooth_area) { return area > kNoisyArea * smooth_area; }
@@ -90,12 +88,9 @@ bool has_mixed_boundary(float boundary, std::uint32_t primitives) {
 
 FaultLimits fault_limits(const SurfaceFacts& surface) {
   FaultLimits limits;
-  if (surface.prefers_discs) {
-    limits.layer_gap = kDiscGapTexels;
-  } else if (surface.is_cloud) {
-    // A cloud's noise is of the order of its discs' radii: less far apart, nothing is a layer or a step.
-    limits.layer_gap = std::max(limits.layer_gap, surface.disc_radius);
-    limits.step_limit = std::max(limits.step_limit, surface.disc_radius);
+  if (surface.is_cloud) {
+    limits.layer_gap = std::max(limits.layer_gap, surface.thickness);
+    limits.step_limit = std::max(limits.step_limit, surface.thickness);
   } else if (surface.is_noisy) {
     // How single triangles stand is noise.
     limits.step_limit = limits.miss_limit = kNoisyStep;
@@ -110,21 +105,21 @@ TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits) {
           .is_uneven = counts.layered > 0 || counts.steps > 0 || counts.misses > 0};
 }
 
-LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs) {
+LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid) {
   const std::uint32_t n = tile.primitives;
   if (tile.is_uncovered_group)
-    return n == 1 || (n <= kMostPrimitives && tile.texels <= kMaxUncoveredTexels * n) ? LeafDecision::kPrimitives
-                                                                                 : LeafDecision::kSplit;
+    return n == 1 || (n <= kMostPrimitives && tile.texels <= kMaxUncoveredTexels * n)
+               ? LeafDecision::kPrimitives
+               : LeafDecision::kSplit;
   if (hybrid != Hybrid::kOff && n <= kMostPrimitives) {
     const bool is_poor_fit = tile.is_faulty && n <= kMostFaulty,
                takes_more_bytes = tile.texels >= kTexelsPerPrimitive * n;
-    if (hybrid == Hybrid::kAlways || prefers_discs || is_poor_fit || takes_more_bytes)
-      return LeafDecision::kPrimitives;
+    if (hybrid == Hybrid::kAlways || is_poor_fit || takes_more_bytes) return LeafDecision::kPrimitives;
   }
   if (n == 1) return LeafDecision::kRasterize;
   if (hybrid == Hybrid::kAlways) return LeafDecision::kSplit;
-  const bool is_large = prefers_discs || tile.surface_texels > kFaultFloorTexels;
-  return tile.is_faulty && is_large ? LeafDecision::kSplit : LeafDecision::kRasterize;
+  return tile.is_faulty && tile.surface_texels > kFaultFloorTexels ? LeafDecision::kSplit
+                                                                   : LeafDecision::kRasterize;
 }
 
 LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives) {
@@ -135,6 +130,7 @@ LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives)
 
 FaultSplit choose_fault_split(const TileFlaws& flaws) {
   if (flaws.has_back) return {SplitBy::kFacing, 0};
+  if (flaws.has_layers) return {SplitBy::kHeight, 0};
   if (flaws.is_steep) return {SplitBy::kFacing, RBVH_STEEP_COSINE};
   return {};
 }

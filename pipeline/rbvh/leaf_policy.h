@@ -61,9 +61,9 @@ bool holds_primitives(Hybrid hybrid, const LevelFacts& level);
 /// Whether a node of such a level is split further.
 bool wants_split_primitives(const NodeFacts& node);
 
-/// A cloud's leaves all fall back to discs where texels are finer than these: discs take no more bytes, and
-/// are exact.
-bool prefers_discs(Hybrid hybrid, float rho, std::uint32_t discs);
+/// Texels finer than a cloud's points lie apart hold nothing that coarser ones do not: all levels of a cloud
+/// are made coarser by as much as it takes for Q0 to have no more texels than its points are worth.
+float cloud_rho(float rho, std::uint32_t points);
 
 /// A mesh whose noise adds more than a tenth to its area is noisy all over. `smooth_area`: without that
 /// noise.
@@ -92,9 +92,8 @@ struct FaultLimits {
 
 struct SurfaceFacts {
   bool is_cloud = false;
-  bool prefers_discs = false;
   bool is_noisy = false;  ///< a mesh
-  float disc_radius = 0;  ///< of a cloud, mean, texels
+  float thickness = 0;    ///< of a cloud: what lies less far apart in height is one surface; texels
 };
 
 FaultLimits fault_limits(const SurfaceFacts& surface);
@@ -103,11 +102,12 @@ FaultLimits fault_limits(const SurfaceFacts& surface);
 
 /// Why a height field is a poor fit for a tile's primitives.
 struct TileFlaws {
-  bool has_back = false;   ///< part of it faces away from the tile
-  bool is_steep = false;   ///< part of it is steep on the tile's plane
-  bool is_uneven = false;  ///< two layers, a depth step, or corners far from the heights
+  bool has_back = false;    ///< part of it faces away from the tile
+  bool has_layers = false;  ///< a cloud's: part of it lies above another part
+  bool is_steep = false;    ///< part of it is steep on the tile's plane
+  bool is_uneven = false;   ///< two layers, a depth step, or corners far from the heights
 
-  bool any() const { return has_back || is_steep || is_uneven; }
+  bool any() const { return has_back || has_layers || is_steep || is_uneven; }
 };
 
 TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits);
@@ -123,7 +123,7 @@ struct TileFacts {
 
 enum class LeafDecision { kRasterize, kPrimitives, kSplit };
 
-LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid, bool prefers_discs);
+LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid);
 
 /// What becomes of a finished tile of which some triangles are uncovered: no ray finds them in it. kSplit:
 /// these become leaves of their own.
@@ -134,6 +134,7 @@ LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives)
 enum class SplitBy {
   kRule,      ///< the partition's: spatial median or surface area heuristic
   kFacing,    ///< primitives that face a direction from those that do not
+  kHeight,    ///< an upper layer from a lower one
   kBoundary,  ///< primitives at boundary edges from those that are not
   kFirst,     ///< the first few references from the rest
 };

@@ -195,12 +195,13 @@ void split_once(Partition& partition, const Primitives& primitives,
     const SplitRequest& request = requests[k];
     const PartitionNode& node = partition.nodes[request.node];
     const std::uint32_t kind = split_kind(request.by, node.objects.count);
-    if (kind == RBVH_SPLIT_PLANE || kind == RBVH_SPLIT_OBJECT) continue;  // as choose_splits() has them
+    const bool is_given = kind == RBVH_SPLIT_PLANE && request.by == SplitBy::kHeight;
+    if (!is_given && (kind == RBVH_SPLIT_PLANE || kind == RBVH_SPLIT_OBJECT)) continue;  // as they are
     splits[k] = spatial_median(node);
     splits[k].kind = kind;
     if (request.by == SplitBy::kFirst) splits[k].middle = node.begin + request.first;
-    std::copy_n(&request.facing.x, 3, splits[k].direction);
-    splits[k].position = request.cosine;
+    std::copy_n(&request.direction.x, 3, splits[k].direction);
+    splits[k].position = request.position;
   }
   split_level(partition, primitives, active, std::move(splits));
 }

@@ -61,8 +61,9 @@ void split_nodes(Partition& partition, const Primitives& primitives, std::vector
 struct SplitRequest {
   std::uint32_t node;
   SplitBy by = SplitBy::kRule;
-  Vec3f facing{};  ///< kFacing: a direction, and the least cosine with it of normals that face it
-  float cosine = 0;
+  Vec3f direction{};  ///< kFacing, kHeight: unit
+  float position =
+      0;  ///< along it: kFacing: the least one of unit normals that face it; kHeight: the plane's
   std::uint32_t first = 0;  ///< kFirst: references in the left child
 };
 

@@ -145,7 +145,12 @@ std::uint32_t split_in_two(const Partition& partition, References references, co
     if (request.by == SplitBy::kFacing) {
       ways.push_back([&p, &request](std::uint32_t i) {
         const Vec3d n = xyz(p.area_normal[i]);
-        return dot(n, Vec3d(request.facing)) >= static_cast<double>(request.cosine) * length(n);
+        return dot(n, Vec3d(request.direction)) >= static_cast<double>(request.position) * length(n);
+      });
+    } else if (request.by == SplitBy::kHeight) {
+      ways.push_back([&p, &request](std::uint32_t i) {
+        return dot(xyz(p.box_lo[i]) + xyz(p.box_hi[i]), Vec3d(request.direction)) <
+               2 * static_cast<double>(request.position);
       });
     } else if (request.by == SplitBy::kBoundary) {
       ways.push_back([&p](std::uint32_t i) { return p.area_normal[i].w != 0; });

@@ -1,6 +1,7 @@
 #include "pipeline/rbvh/primitives.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "pipeline/base/error.h"
 #include "pipeline/device/radix_sort.h"
@@ -90,7 +91,14 @@ Primitives upload_primitives(const Device& device, const Scan& scan) {
     device.kernel("build/primitives", "primitives_discs")
         .run(count, group, positions, p.normals, radii, static_cast<float>(spacing), p.order, p.count,
              p.shape, p.box_lo, p.box_hi, p.area_normal);
+    p.reach = Buffer<float>(device, count);
+    device.kernel("build/primitives", "primitives_reach")
+        .run((count + kWindow - 1) / kWindow, job_group_size(device), p.count, kWindow, p.shape, p.reach);
+    const std::vector<float> reach = p.reach.read();
+    p.mean_reach = std::accumulate(reach.begin(), reach.end(), 0.0f) / static_cast<float>(count);
+    p.thickness = p.mean_radius * std::max(1.0f, p.mean_reach - 1);
   } else {
+    p.reach = Buffer<float>(device, 1);
     Buffer<std::uint32_t> left_over(device, vertices);
     left_over.fill(0);
     device.kernel("build/primitives", "primitives_boundary").run(count, group, p.indices, p.count, left_over);

@@ -28,7 +28,10 @@ struct Primitives {
   Buffer<std::uint32_t> objects;  ///< ids; one dummy where all primitives are of one object
   bool has_objects = false;
   float mean_radius = 0;  ///< of the discs
-  double area = 0;        ///< of all, with that of noise
+  Buffer<float> reach;    ///< how far each disc is blended with others, in its radii; one dummy for triangles
+  float mean_reach = 1;
+  float thickness = 0;  ///< of a cloud's surface, scan units: as far apart in height, discs are still one
+  double area = 0;      ///< of all, with that of noise
 };
 
 /// The work-group size that suits the device's one-work-item-one-job kernels.

@@ -1,8 +1,8 @@
 #include "pipeline/rbvh/rasterize.h"
 
 #include <algorithm>
-#include <optional>
 
+#include "pipeline/rbvh/tile_blend.h"
 #include "pipeline/rbvh/tile_border.h"
 #include "pipeline/rbvh/tile_faults.h"
 #include "pipeline/rbvh/tile_frame.h"
@@ -11,8 +11,13 @@
 namespace rbvh {
 namespace {
 
+struct OwnFaults {
+  std::vector<TileFaults> counts;
+  std::vector<float> middles;  ///< count_faults()
+};
+
 /// Heights of the tiles' own primitives, and where they are a poor fit.
-std::vector<TileFaults> rasterize_own(TileRaster& raster, const Runs& own) {
+OwnFaults rasterize_own(TileRaster& raster, const Runs& own) {
   const Device& device = raster.device();
   raster.upload_tiles();
   raster.keys = Buffer<std::uint32_t>(device, raster.texel_count);
@@ -20,17 +25,23 @@ std::vector<TileFaults> rasterize_own(TileRaster& raster, const Runs& own) {
   for (Buffer<std::uint32_t>* buffer : {&raster.keys, &lowest, &highest}) buffer->fill(0);
   Buffer<TileFaults> faults(device, std::vector<TileFaults>(raster.tiles.size()));
   run_over(raster.device(), own, "build/rasterize", "rasterize_own", raster.device_tiles,
-           raster.partition.references, raster.primitives.shape, raster.discs(), raster.dilation().own,
-           raster.dilation().border, raster.keys, lowest, highest, faults);
-  count_faults(raster, own, lowest, highest, faults);
-  return faults.read();
+           raster.partition.references, raster.primitives.shape, raster.discs(), kDilation.own,
+           kDilation.border, raster.keys, lowest, highest, faults);
+  std::vector<float> middles = count_faults(raster, own, lowest, highest, faults);
+  return {faults.read(), std::move(middles)};
+}
+
+/// From fine quanta to scan units, along the tile's w.
+float scan_height(const RasterTile& tile, float w) {
+  const float* row = tile.to_tile + 8;
+  return (w - row[3]) / length(Vec3f{row[0], row[1], row[2]});
 }
 
 std::vector<Tile> make_drafts(TileRaster& raster) {
   const Runs own = own_runs(raster);
   const std::vector<TileAxes> axes = tile_axes(raster.partition, raster.nodes);
   place_tiles(raster, own, axes);
-  const std::vector<TileFaults> faults = rasterize_own(raster, own);
+  const OwnFaults faults = rasterize_own(raster, own);
   std::vector<Tile> drafts(raster.tiles.size());
   for (std::size_t k = 0; k < drafts.size(); ++k) {
     const PartitionNode& node = raster.node(k);
@@ -40,8 +51,10 @@ std::vector<Tile> make_drafts(TileRaster& raster) {
     draft.leaf.height = static_cast<std::uint16_t>(raster.tiles[k].height);
     draft.leaf.primitives = node.count();
     draft.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
-    draft.flaws = find_flaws(faults[k], raster.config.limits);
+    draft.flaws = find_flaws(faults.counts[k], raster.config.limits);
     draft.w = {axes[k].w[0], axes[k].w[1], axes[k].w[2]};
+    draft.flaws.has_layers = raster.primitives.discs && faults.counts[k].layered > 0;
+    draft.middle = scan_height(raster.tiles[k], faults.middles[k]);
   }
   return drafts;
 }
@@ -59,16 +72,13 @@ void drop_other_tiles(TileRaster& raster, const std::vector<Tile>& drafts) {
   if (kept > 0) raster.upload_tiles();
 }
 
-void finish_tiles(const TileRaster& raster, std::vector<Tile>& finished, TileTexels& texels) {
+void finish_tiles(TileRaster& raster, std::vector<Tile>& finished, TileTexels& texels) {
   const Runs own = own_runs(raster);
-  // The borders of discs stay as their own dilation leaves them.
-  std::optional<Neighbors> neighbors;
-  if (!raster.primitives.discs) {
-    neighbors = find_neighbors(raster);
-    merge_neighbors(raster, *neighbors);
-    find_uncovered(raster, own, finished);
-  }
-  store_texels(raster, own, neighbors ? &*neighbors : nullptr, finished, texels);
+  const Neighbors neighbors = find_neighbors(raster);
+  merge_neighbors(raster, neighbors);
+  if (raster.primitives.discs) return store_texels(raster, blend_discs(raster, neighbors), finished, texels);
+  find_uncovered(raster, own, finished);
+  store_texels(raster, interpolate_triangles(raster, own, neighbors), finished, texels);
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ constexpr float kQuantum = 0.5f;
 struct RefineState {
   const Primitives& primitives;
   const LevelRule& rule;
-  bool prefers_discs = false, separates_boundary = false, is_noisy = false;
+  bool separates_boundary = false, is_noisy = false;
   RefinedLevel result;
   std::set<std::uint32_t> uncovered = {};  ///< nodes of triangles that are uncovered in the tile of another
 
@@ -87,9 +87,8 @@ RasterConfig raster_config(const RefineState& level, float rho) {
           .quantum = kQuantum * level.rule.error,
           .separates_boundary = level.separates_boundary,
           .limits = fault_limits({.is_cloud = is_cloud,
-                                  .prefers_discs = level.prefers_discs,
                                   .is_noisy = level.is_noisy,
-                                  .disc_radius = level.primitives.mean_radius * std::sqrt(rho)})};
+                                  .thickness = level.primitives.thickness * std::sqrt(rho)})};
 }
 
 LeafDecision decide(const RefineState& level, const Tile& tile) {
@@ -99,7 +98,7 @@ LeafDecision decide(const RefineState& level, const Tile& tile) {
                       .surface_texels = texels_per_area(level.rule, node) * node.sums.area,
                       .is_faulty = tile.flaws.any() || (level.separates_boundary && node.sums.boundary > 0),
                       .is_uncovered_group = level.uncovered.contains(tile.node)},
-                     level.hybrid(), level.prefers_discs);
+                     level.hybrid());
 }
 
 /// Rasterises these leaves, appends the finished tiles, and returns how the faulty ones are to be split.
@@ -119,7 +118,8 @@ std::vector<SplitRequest> rasterize_leaves(RefineState& level, const std::vector
         continue;
       }
       const FaultSplit split = choose_fault_split(tile.flaws);
-      requests.push_back({tile.node, split.by, tile.w, split.cosine});
+      requests.push_back(
+          {tile.node, split.by, tile.w, split.by == SplitBy::kHeight ? tile.middle : split.cosine});
     }
   return requests;
 }
@@ -168,7 +168,6 @@ RefineState start_refining(const Primitives& primitives, const Partition& partit
   RefineState level{
       .primitives = primitives,
       .rule = rule,
-      .prefers_discs = primitives.discs && prefers_discs(hybrid, rule.level.rho, primitives.count),
       .separates_boundary = separates_boundary(hybrid, scan),
       .is_noisy = is_noisy_mesh(primitives.area, static_cast<double>(root.sums.area)),
       .result = {.partition = {.nodes = partition.nodes,

@@ -22,6 +22,7 @@ struct Tile {
   TileFlaws flaws;
   LeafDecision decision = LeafDecision::kSplit;  ///< only with kRasterize it has texels
   Vec3f w;                                       ///< its normal, towards the surface's outside
+  float middle = 0;                              ///< along w: halfway between two layers, where it has any
   std::vector<std::uint32_t> uncovered;          ///< places among the references of uncovered triangles
 };
 

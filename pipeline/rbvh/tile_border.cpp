@@ -17,7 +17,9 @@ Neighbors find_neighbors(const TileRaster& raster) {
   std::vector<OverlapQuery> queries(raster.tiles.size());
   for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
     const PartitionNode& node = raster.node(k);
-    const float dilation = raster.dilation().border * texel_size(raster.tiles[k]);
+    float dilation = kDilation.border * texel_size(raster.tiles[k]);
+    if (raster.primitives.discs)
+      dilation += (raster.primitives.mean_reach - 1) * raster.primitives.mean_radius;
     for (int c = 0; c < 3; ++c) {
       queries[k].lo[c] = node.sums.lo[c] - dilation;
       queries[k].hi[c] = node.sums.hi[c] + dilation;
@@ -36,14 +38,14 @@ Neighbors find_neighbors(const TileRaster& raster) {
 }
 
 void merge_neighbors(const TileRaster& raster, const Neighbors& neighbors) {
-  const float dilation = raster.dilation().border;
+  const float dilation = kDilation.border;
   Buffer<std::uint32_t> overlap_keys(raster.device(), raster.texel_count);
   overlap_keys.fill(0);
   raster.run_over_tiles("build/tile_border", "tile_border_widen", raster.keys);
   run_over(raster.device(), neighbors.runs, "build/tile_border", "tile_border_overlaps", raster.device_tiles,
-           neighbors.overlaps.primitives, raster.primitives.shape, raster.primitives.area_normal,
-           raster.config.separates_boundary ? kBoundaryDistance : 2 * dilation, dilation,
-           raster.config.limits.layer_gap, raster.keys, overlap_keys);
+           neighbors.overlaps.primitives, raster.primitives.shape, raster.discs(),
+           raster.primitives.area_normal, raster.config.separates_boundary ? kBoundaryDistance : 2 * dilation,
+           dilation, raster.config.limits.layer_gap, raster.keys, overlap_keys);
   raster.run_over_tiles("build/tile_border", "tile_border_merge", raster.keys, overlap_keys, dilation,
                         kFoldDilation, kEndDilation);
 }

@@ -10,14 +10,17 @@ constexpr float kUncoveredSlack = 0.02f;
 
 }  // namespace
 
-void count_faults(const TileRaster& raster, const Runs& own, const Buffer<std::uint32_t>& lowest,
-                  const Buffer<std::uint32_t>& highest, Buffer<TileFaults>& faults) {
+std::vector<float> count_faults(const TileRaster& raster, const Runs& own,
+                                const Buffer<std::uint32_t>& lowest, const Buffer<std::uint32_t>& highest,
+                                Buffer<TileFaults>& faults) {
   const FaultLimits& limits = raster.config.limits;
+  const Buffer<float> middles(raster.device(), raster.tiles.size());
   raster.run_over_tiles("build/tile_faults", "tile_faults_steps", raster.keys, lowest, highest,
-                        limits.layer_gap, limits.step_limit, faults);
+                        limits.layer_gap, limits.step_limit, faults, middles);
   if (!raster.primitives.discs)
     run_over(raster.device(), own, "build/tile_faults", "tile_faults_misses", raster.device_tiles,
              raster.partition.references, raster.primitives.shape, limits.miss_limit, raster.keys, faults);
+  return middles.read();
 }
 
 void find_uncovered(const TileRaster& raster, const Runs& own, std::vector<Tile>& finished) {

@@ -9,8 +9,10 @@
 namespace rbvh {
 
 /// Adds to each tile's faults what its heights alone show. `lowest`, `highest`: kernels/build/rasterize.cl.
-void count_faults(const TileRaster& raster, const Runs& own, const Buffer<std::uint32_t>& lowest,
-                  const Buffer<std::uint32_t>& highest, Buffer<TileFaults>& faults);
+/// Returned: the heights halfway between a tile's layers, fine quanta.
+std::vector<float> count_faults(const TileRaster& raster, const Runs& own,
+                                const Buffer<std::uint32_t>& lowest, const Buffer<std::uint32_t>& highest,
+                                Buffer<TileFaults>& faults);
 
 /// Sets Tile::uncovered of the finished tiles.
 void find_uncovered(const TileRaster& raster, const Runs& own, std::vector<Tile>& finished);

@@ -155,7 +155,7 @@ void place_tiles(TileRaster& raster, const Runs& own, const std::vector<TileAxes
   raster.tiles.resize(raster.nodes.size());
   for (std::size_t k = 0; k < raster.tiles.size(); ++k) {
     RasterTile& tile = raster.tiles[k];
-    tile = make_raster_tile(raster.node(k), axes[k], extents[k], raster.config.rho, raster.dilation().border);
+    tile = make_raster_tile(raster.node(k), axes[k], extents[k], raster.config.rho, kDilation.border);
     tile.offset = static_cast<std::uint32_t>(raster.texel_count);
     raster.texel_count += static_cast<std::uint64_t>(tile.width) * tile.height;
     if (raster.texel_count > 0xffffffffu)

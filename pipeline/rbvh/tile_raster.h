@@ -25,9 +25,7 @@ struct Dilation {
   float own;     ///< in its own tile
   float border;  ///< in tiles that it overlaps; also how far tiles extend past their primitives
 };
-inline constexpr Dilation kTriangleDilation{1.0f, 1.5f};
-/// The edges of a disc are noise, not the surface's, and must not leave holes.
-inline constexpr Dilation kDiscDilation{2.0f, 2.0f};
+inline constexpr Dilation kDilation{1.0f, 1.5f};
 
 /// Texels keep their places in the buffers from first to last, also where tiles are dropped.
 struct TileRaster {
@@ -43,7 +41,6 @@ struct TileRaster {
   const Device& device() const { return primitives.device; }
   const PartitionNode& node(std::size_t k) const { return partition.nodes[nodes[k]]; }
   std::uint32_t discs() const { return primitives.discs ? 1 : 0; }
-  const Dilation& dilation() const { return primitives.discs ? kDiscDilation : kTriangleDilation; }
 
   void upload_tiles() { device_tiles = Buffer<RasterTile>(device(), tiles); }
 

@@ -61,33 +61,39 @@ void append_texels(const TileRaster& raster, const std::vector<T>& from, std::ve
 
 }  // namespace
 
-void store_texels(const TileRaster& raster, const Runs& own, const Neighbors* neighbors,
-                  std::vector<Tile>& finished, TileTexels& texels) {
-  const Device& device = raster.device();
+TexelSignals make_signals(const TileRaster& raster) {
+  TexelSignals signals{Buffer<std::uint32_t>(raster.device(), raster.texel_count),
+                       Buffer<std::uint32_t>(raster.device(), raster.texel_count)};
+  signals.normals.fill(0);
+  signals.colors.fill(0);
+  return signals;
+}
+
+TexelSignals interpolate_triangles(const TileRaster& raster, const Runs& own, const Neighbors& neighbors) {
   const Primitives& primitives = raster.primitives;
-  const std::vector<std::uint16_t> heights = quantize(raster, finished);
-
-  Buffer<std::uint32_t> normals(device, raster.texel_count), colors(device, raster.texel_count);
-  normals.fill(0);
-  colors.fill(0);
-  const auto run_signals = [&](const Runs& runs, const Buffer<std::uint32_t>& references, float dilation) {
-    run_over(device, runs, "build/tile_texels", "tile_texels_signals", raster.device_tiles, references,
-             primitives.shape, raster.discs(), dilation, raster.dilation().border, raster.keys,
-             primitives.order, primitives.indices, primitives.normals, primitives.colors,
-             primitives.has_colors ? 1u : 0u, normals, colors);
+  TexelSignals signals = make_signals(raster);
+  const auto add = [&](const Runs& runs, const Buffer<std::uint32_t>& references, float dilation) {
+    run_over(raster.device(), runs, "build/tile_texels", "tile_texels_signals", raster.device_tiles,
+             references, primitives.shape, dilation, kDilation.border, raster.keys, primitives.order,
+             primitives.indices, primitives.normals, primitives.colors, primitives.has_colors ? 1u : 0u,
+             signals.normals, signals.colors);
   };
-  run_signals(own, raster.partition.references, raster.dilation().own);
-  if (neighbors != nullptr)
-    run_signals(neighbors->runs, neighbors->overlaps.primitives, raster.dilation().border);
+  add(own, raster.partition.references, kDilation.own);
+  add(neighbors.runs, neighbors.overlaps.primitives, kDilation.border);
+  return signals;
+}
 
+void store_texels(const TileRaster& raster, const TexelSignals& signals, std::vector<Tile>& finished,
+                  TileTexels& texels) {
+  const std::vector<std::uint16_t> heights = quantize(raster, finished);
   std::size_t first = texels.heights.size();
   for (Tile& tile : finished) {
     tile.first_texel = first;
     first += std::size_t{tile.leaf.width} * tile.leaf.height;
   }
   append_texels(raster, heights, texels.heights);
-  append_texels(raster, normals.read(), texels.normals);
-  if (primitives.has_colors) append_texels(raster, colors.read(), texels.colors);
+  append_texels(raster, signals.normals.read(), texels.normals);
+  if (raster.primitives.has_colors) append_texels(raster, signals.colors.read(), texels.colors);
 }
 
 }  // namespace rbvh

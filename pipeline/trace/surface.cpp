@@ -27,8 +27,6 @@ const std::array<float, 256>& srgb_table() {
   return table;
 }
 
-Vec3f linear_color(const Color8& c) { return {srgb_table()[c[0]], srgb_table()[c[1]], srgb_table()[c[2]]}; }
-
 Vec3f unpack_color(std::uint16_t packed) {
   const Vec3f c = unpack_srgb(packed);
   return {srgb_to_linear(c.x), srgb_to_linear(c.y), srgb_to_linear(c.z)};
@@ -69,27 +67,29 @@ Footprint footprint(const Level& level, const std::vector<std::uint16_t>& height
 
 }  // namespace
 
+Vec3f linear_color(const Color8& color) {
+  return {srgb_table()[color[0]], srgb_table()[color[1]], srgb_table()[color[2]]};
+}
+
 std::vector<Vec3f> shading_normals(const Scan& scan) {
   return scan.normals.empty() ? vertex_normals(scan) : scan.normals;
 }
 
-SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, std::span<const Hit> hits) {
+SurfaceSamples sample_surface(const Scan& mesh, std::span<const Vec3f> normals, std::span<const Hit> hits) {
   SurfaceSamples samples;
   samples.normals.resize(hits.size());
-  const bool has_colors = !scan.colors.empty();
+  const bool has_colors = !mesh.colors.empty();
   if (has_colors) samples.colors.resize(hits.size());
   parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Hit& hit = hits[i];
       if (!is_hit(hit)) continue;
-      // A disc is a triangle with one corner that counts.
-      Triangle corners{hit.leaf, hit.leaf, hit.leaf};
-      if (!scan.is_cloud()) corners = scan.triangles[hit.leaf];
+      const Triangle& corners = mesh.triangles[hit.leaf];
       const float weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
       Vec3f normal{}, color{};
       for (std::size_t k = 0; k < 3; ++k) {
         normal = normal + normals[corners[k]] * weights[k];
-        if (has_colors) color = color + linear_color(scan.colors[corners[k]]) * weights[k];
+        if (has_colors) color = color + linear_color(mesh.colors[corners[k]]) * weights[k];
       }
       normal = normalized(normal);
       samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);

@@ -14,9 +14,12 @@ namespace rbvh {
 /// them).
 std::vector<Vec3f> shading_normals(const Scan& scan);
 
-/// Interpolated over the triangle (or constant over the disc) that was hit. `normals` are the scan's
-/// shading_normals().
-SurfaceSamples sample_surface(const Scan& scan, std::span<const Vec3f> normals, std::span<const Hit> hits);
+/// A vertex's colour in linear light.
+Vec3f linear_color(const Color8& color);
+
+/// Interpolated over the triangle of the mesh that was hit. `normals` are its shading_normals(). Those of
+/// clouds: disc_surface.h.
+SurfaceSamples sample_surface(const Scan& mesh, std::span<const Vec3f> normals, std::span<const Hit> hits);
 
 /// Bilinear over the texels of the level's normal and colour layers that have a surface. The geometric normal
 /// where the level has no such layer.

@@ -160,6 +160,10 @@ void ExactTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
 }
 
 SurfaceSamples ExactTracer::surface(std::span<const Hit> hits) const {
+  if (scan->is_cloud()) {
+    if (!discs) discs = std::make_shared<const DiscSurface>(make_disc_surface(*scan));
+    return sample_surface(*scan, *discs, hits);
+  }
   if (!normals) normals = std::make_shared<const std::vector<Vec3f>>(shading_normals(*scan));
   return sample_surface(*scan, *normals, hits);
 }

@@ -11,6 +11,7 @@
 #include "kernels/common/layout.h"
 #include "pipeline/bvh/exact_methods.h"
 #include "pipeline/device/device.h"
+#include "pipeline/trace/disc_surface.h"
 #include "rbvh/scan.h"
 #include "rbvh/tracer.h"
 
@@ -35,7 +36,9 @@ struct ExactTracer final : Tracer {
   }
 
   const Scan* scan = nullptr;
-  mutable std::shared_ptr<const std::vector<Vec3f>> normals;  ///< for shading, made when first wanted
+  /// For shading, made when first wanted: of a mesh, and of a cloud.
+  mutable std::shared_ptr<const std::vector<Vec3f>> normals;
+  mutable std::shared_ptr<const DiscSurface> discs;
 
   using Tracer::Tracer;
   /// Hit.leaf is the triangle's or point's index in the scan; of several at the same t the lowest. A

@@ -178,8 +178,9 @@ TEST(TraceTile, HybridChoosesWhichLeavesFallBack) {
 TEST(TraceTile, LeavesThatFellBackAreHitExactly) {
   const std::uint64_t seed = property_seed();
   for (const Scan& scan : {thicket(400, seed), noisy_discs(40, seed)}) {
-    const Level level =
-        build(scan, {{"Q", 4e4f, 0.85f, 45}}, Refinement::kProjectedArea, Hybrid::kAuto).levels[0];
+    const Level level = build(scan, {{"Q", 4e4f, 0.85f, 45}}, Refinement::kProjectedArea,
+                              scan.is_cloud() ? Hybrid::kAlways : Hybrid::kAuto)
+                            .levels[0];
     ASSERT_GT(level.primitive_leaves.size(), 20u);
     EXPECT_EQ(level.primitives.is_cloud(), scan.is_cloud());
     const std::vector<Ray> rays = rays_at_sphere(1500, seed, false);
@@ -399,8 +400,9 @@ bool same(const Level& a, const Level& b) {
   const auto bytes = [](const auto& x, const auto& y) {
     return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
   };
-  if (!bytes(a.nodes, b.nodes) || !bytes(a.leaves, b.leaves) || !bytes(a.primitive_leaves, b.primitive_leaves) ||
-      a.primitives.positions != b.primitives.positions || a.primitives.triangles != b.primitives.triangles || a.layers.size() != b.layers.size())
+  if (!bytes(a.nodes, b.nodes) || !bytes(a.leaves, b.leaves) ||
+      !bytes(a.primitive_leaves, b.primitive_leaves) || a.primitives.positions != b.primitives.positions ||
+      a.primitives.triangles != b.primitives.triangles || a.layers.size() != b.layers.size())
     return false;
   for (std::size_t i = 0; i < a.layers.size(); ++i)
     if (!bytes(a.layers[i].texels, b.layers[i].texels)) return false;
@@ -419,8 +421,8 @@ TEST(Build, GivesTheSameBytesAgainAndEachLevelAlone) {
       EXPECT_TRUE(same(first.levels[i], second.levels[i])) << i;
       // Simplification goes on from the finer levels.
       const auto finer = standard_levels().begin();
-      EXPECT_TRUE(same(first.levels[i],
-                       built({finer, finer + static_cast<std::ptrdiff_t>(i) + 1}).levels.back()))
+      EXPECT_TRUE(
+          same(first.levels[i], built({finer, finer + static_cast<std::ptrdiff_t>(i) + 1}).levels.back()))
           << i;
     }
   }

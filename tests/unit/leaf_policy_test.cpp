@@ -93,10 +93,10 @@ TEST(LeafPolicy, NodesThatSpanTooDifferentDensitiesAreSplit) {
   EXPECT_TRUE(splits(kNode, quality));
 }
 
-TEST(LeafPolicy, CloudsPreferDiscsWhereTexelsAreFiner) {
-  EXPECT_TRUE(prefers_discs(Hybrid::kAuto, 2000, 1000));
-  EXPECT_FALSE(prefers_discs(Hybrid::kAuto, 1999, 1000));
-  EXPECT_FALSE(prefers_discs(Hybrid::kOff, 2000, 1000));
+TEST(LeafPolicy, CloudsHaveNoMoreTexelsThanTheirPointsAreWorth) {
+  EXPECT_EQ(cloud_rho(2e6f, 10000000), 2e6f);
+  EXPECT_EQ(cloud_rho(2e6f, 1000), 3000);
+  EXPECT_EQ(cloud_rho(1e6f, 1000), 1500) << "the levels stay as far apart as they are";
 }
 
 TEST(LeafPolicy, MeshesAreNoisyWhereNoiseAddsATenthToTheArea) {
@@ -136,12 +136,10 @@ TEST(LeafPolicy, FaultLimitsAllowForNoise) {
   EXPECT_EQ(noisy.miss_limit, 8);
   EXPECT_EQ(noisy.steep_area, kInfinity);
   EXPECT_EQ(noisy.layer_gap, clean.layer_gap);
-  // A cloud: noise is of the order of the discs, where these are larger than the usual limits.
-  EXPECT_EQ(fault_limits({.is_cloud = true, .disc_radius = 5}).step_limit, 5);
-  EXPECT_EQ(fault_limits({.is_cloud = true, .disc_radius = 5}).layer_gap, 5);
-  EXPECT_EQ(fault_limits({.is_cloud = true, .disc_radius = 1}).step_limit, clean.step_limit);
-  // Where discs are stored anyway, a tile must not blur those that overlap.
-  EXPECT_LT(fault_limits({.is_cloud = true, .prefers_discs = true, .disc_radius = 5}).layer_gap, 0.2f);
+  // A cloud: what lies within its noise is one surface.
+  EXPECT_EQ(fault_limits({.is_cloud = true, .thickness = 5}).step_limit, 5);
+  EXPECT_EQ(fault_limits({.is_cloud = true, .thickness = 5}).layer_gap, 5);
+  EXPECT_EQ(fault_limits({.is_cloud = true, .thickness = 1}).step_limit, clean.step_limit);
 }
 
 TileFaults counts(std::uint32_t layered = 0, std::uint32_t steps = 0, std::uint32_t backs = 0,
@@ -161,8 +159,8 @@ TEST(LeafPolicy, FlawsAreCountsBeyondTheLimits) {
   EXPECT_FALSE(find_flaws(counts(0, 0, 0, 4000000000u), fault_limits({.is_noisy = true})).any());
 }
 
-LeafDecision decide(const TileFacts& tile, Hybrid hybrid = Hybrid::kAuto, bool prefers = false) {
-  return decide_leaf(tile, hybrid, prefers);
+LeafDecision decide(const TileFacts& tile, Hybrid hybrid = Hybrid::kAuto) {
+  return decide_leaf(tile, hybrid);
 }
 
 TEST(LeafPolicy, GoodTilesAreRasterized) {
@@ -191,16 +189,6 @@ TEST(LeafPolicy, FaultyTilesFallBackOrAreSplit) {
   // Below the size of a few texels a fault is not seen, and noise would be split for ever.
   EXPECT_EQ(decide(faulty(33, 4.1f)), LeafDecision::kSplit);
   EXPECT_EQ(decide(faulty(33, 4)), LeafDecision::kRasterize);
-}
-
-TEST(LeafPolicy, CloudsOfDiscsAreSplitUntilAllFallBack) {
-  const TileFacts faulty{.primitives = 65, .texels = 100, .surface_texels = 1, .is_faulty = true};
-  EXPECT_EQ(decide(faulty, Hybrid::kAuto, true), LeafDecision::kSplit) << "however few texels";
-  TileFacts good = faulty;
-  good.is_faulty = false;
-  EXPECT_EQ(decide(good, Hybrid::kAuto, true), LeafDecision::kRasterize);
-  good.primitives = 64;
-  EXPECT_EQ(decide(good, Hybrid::kAuto, true), LeafDecision::kPrimitives);
 }
 
 TEST(LeafPolicy, AlwaysSplitsUntilAllFallBack) {
@@ -233,6 +221,9 @@ TEST(LeafPolicy, FaultsChooseTheSplit) {
   EXPECT_EQ(choose_fault_split({.is_steep = true}).by, SplitBy::kFacing);
   EXPECT_EQ(choose_fault_split({.is_steep = true}).cosine, RBVH_STEEP_COSINE);
   EXPECT_EQ(choose_fault_split({.is_uneven = true}).by, SplitBy::kRule);
+  // A cloud's upper layer goes to a tile of its own: halves of the tile would both have two layers.
+  EXPECT_EQ(choose_fault_split({.has_layers = true, .is_uneven = true}).by, SplitBy::kHeight);
+  EXPECT_EQ(choose_fault_split({.has_back = true, .has_layers = true}).by, SplitBy::kFacing);
 }
 
 TEST(LeafPolicy, ObjectsAreSplitApartBeforeAnythingElse) {

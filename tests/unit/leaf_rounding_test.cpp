@@ -24,10 +24,11 @@ void random_frame(std::mt19937_64& random, bool left_handed, float to_tile[12]) 
   const Vec3d u = direction(), v = normalized(cross(u, direction())), w = cross(u, v) * (left_handed ? -1.0 : 1.0);
   const double side = round_texel(std::exp(static_cast<double>(uniform(random, -8, 2))));
   const Vec3d rows[3] = {u * (1 / side), v * (1 / side), w * (256 / side)};
+  const Vec3d corner{uniform(random, -1, 3), uniform(random, -2, 2), uniform(random, -3, 1)};
   for (std::size_t i = 0; i < 3; ++i) {
     for (int axis = 0; axis < 3; ++axis)
       to_tile[4 * i + static_cast<std::size_t>(axis)] = static_cast<float>(rows[i][axis]);
-    to_tile[4 * i + 3] = uniform(random, -20, 20);
+    to_tile[4 * i + 3] = static_cast<float>(-dot(rows[i], corner));
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/trace/camera_rays.h"
+#include "pipeline/trace/disc_surface.h"
 #include "pipeline/trace/surface.h"
 #include "rbvh/camera.h"
 
@@ -121,16 +122,54 @@ TEST(SampleSurface, ATriangleBlendsItsCornersInLinearLight) {
   EXPECT_EQ(s.normals[2], (Vec3f{}));
 }
 
-TEST(SampleSurface, ADiscHasOneNormalAndColour) {
-  Scan scan;
-  scan.positions = {{0, 0, 0}, {1, 0, 0}};
-  scan.normals = {{1, 0, 0}, {0, 1, 0}};
-  scan.radii = {1, 1};
-  scan.colors = {{0, 0, 0}, {255, 0, 0}};
-  const SurfaceSamples s =
-      sample_surface(scan, scan.normals, std::vector<Hit>{{1, {0, 0, 1}, -0.7f, 0.6f, 1, 0}});
-  EXPECT_NEAR(s.normals[0].y, 1, 1e-6);
-  EXPECT_NEAR(s.colors[0].x, 1, 1e-6);
+// Two discs of radius 1, a bit tilted against each other, and a hit on the second, along its own axes.
+struct TwoDiscs {
+  Scan cloud;
+  Hit hit{.t = 1, .normal = {0, 0, 1}, .u = 0, .v = 0, .leaf = 1, .flags = 0};
+
+  explicit TwoDiscs(const Vec3f& first) {
+    cloud.positions = {first, {1, 0, 0}};
+    cloud.normals = {normalized(Vec3f{0.1f, 0, 1}), {0, 0, 1}};
+    cloud.radii = {1, 1};
+    cloud.colors = {{0, 0, 0}, {255, 0, 0}};
+  }
+  SurfaceSamples sample() const {
+    return sample_surface(cloud, make_disc_surface(cloud), std::vector<Hit>{kMiss, hit});
+  }
+};
+
+TEST(SampleSurface, DiscsAreBlendedWhereTheyOverlap) {
+  TwoDiscs discs({0, 0, 0});
+  discs.hit.u = -0.5f;
+  const SurfaceSamples s = discs.sample();
+  EXPECT_EQ(s.normals[0], (Vec3f{}));
+  EXPECT_NEAR(s.colors[1].x, 0.5f, 0.01f) << "halfway between the two";
+  EXPECT_NEAR(s.normals[1].x, 0.05f, 0.001f);
+  // Nearer to one centre more of its own, and beyond the other's edge nothing else.
+  discs.hit.u = -0.3f;
+  EXPECT_GT(discs.sample().colors[1].x, 0.6f);
+  discs.hit.u = 0.1f;
+  EXPECT_EQ(discs.sample().colors[1].x, 1);
+  EXPECT_EQ(discs.sample().normals[1], (Vec3f{0, 0, 1}));
+}
+
+TEST(SampleSurface, DiscsOfOtherSurfacesAreNotBlended) {
+  TwoDiscs below({1, 0, -0.6f});
+  EXPECT_EQ(below.sample().colors[1].x, 1) << "further below than a disc is thick";
+  TwoDiscs near({1, 0, -0.2f});
+  EXPECT_LT(near.sample().colors[1].x, 0.6f);
+  TwoDiscs other_side({1, 0, -0.2f});
+  other_side.cloud.normals[0] = -other_side.cloud.normals[0];
+  EXPECT_EQ(other_side.sample().colors[1].x, 1) << "it faces the other way";
+}
+
+TEST(SampleSurface, ALoneDiscHasItsOwnNormalAndColourUpToItsEdge) {
+  TwoDiscs discs({9, 9, 9});
+  for (const float u : {0.0f, 0.7f, 1.0f}) {
+    discs.hit.u = u;
+    EXPECT_NEAR(length(discs.sample().normals[1] - Vec3f{0, 0, 1}), 0, 1e-6) << u;
+    EXPECT_NEAR(discs.sample().colors[1].x, 1, 1e-6) << u;
+  }
 }
 
 // A 3 x 2 tile at (1, 1) of a 5 x 4 atlas.
