@@ -66,6 +66,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_ingest(app, context);
   add_build(app, context);
   add_lod(app, context);
+  add_mesh(app, context);
   add_proxy(app, context);
   add_render(app, context);
   add_trace(app, context);

@@ -12,6 +12,7 @@ struct Context;
 void add_ingest(CLI::App& app, Context& context);
 void add_build(CLI::App& app, Context& context);
 void add_lod(CLI::App& app, Context& context);
+void add_mesh(CLI::App& app, Context& context);
 void add_proxy(CLI::App& app, Context& context);
 void add_render(CLI::App& app, Context& context);
 void add_paint(CLI::App& app, Context& context);

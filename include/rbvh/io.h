@@ -20,6 +20,11 @@ Scan load_scan(const std::string& path, const MemoryBudget& memory = {}, const P
 /// `overwrite` is not set.
 void write_ply(const std::string& path, const Scan& scan, bool overwrite);
 
+/// Binary glTF 2.0, for viewers: a mesh's triangles, or a cloud's points with their radii as `_RADIUS`; with
+/// normals and colours (COLOR_0, linear). A scan whose `up` is +Z is turned by its node; any other is taken
+/// for +Y up. The shift is `rbvh_shift` in asset.extras. Throws Error(kFailure), also for more than 4 GB.
+void write_glb(const std::string& path, const Scan& scan, const Vec3d& up, bool overwrite);
+
 /// A pair: NAME.rbvh, and NAME.atlas.tif beside it. Throws Error(kUsage) for another asset, Error(kFailure).
 void save_pair(const std::string& path, const Asset& pair, bool overwrite);
 

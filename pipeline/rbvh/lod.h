@@ -14,11 +14,6 @@
 
 namespace rbvh {
 
-/// The level's surface, as rays intersect it, as a scan: of a mesh two triangles for each quad of texels and
-/// the exact triangles; of a cloud a disc for each texel and the exact discs. With normals and, where the
-/// level has them, colours.
-Scan scan_of_level(const Level& level, bool is_cloud);
-
 /// Builds levels from the surface of `from`, as build_rbvh() does from a scan. (Mip levels of its tiles would
 /// leave a coarse level with the fine one's many leaves: section 3.5 of the paper prefers a rebuild.)
 /// They are marked as derived, are not measured, and have the user's layers too.

@@ -2,7 +2,11 @@
 
 #include <utility>
 
+#include "pipeline/base/error.h"
+#include "pipeline/rbvh/level_mesh.h"
+#include "pipeline/rbvh/lod.h"
 #include "pipeline/scene/asset_content.h"
+#include "rbvh/mesh.h"
 
 namespace rbvh {
 namespace {
@@ -48,6 +52,20 @@ Asset make_asset(Rbvh&& rbvh) {
 Asset make_asset(Scene&& scene) {
   const Bounds3f box = bounds(scene);
   return hold(std::move(scene), box, false);
+}
+
+Scan level_mesh(const Asset& pair, const std::string& name, LevelMeshCounts* counts) {
+  const Rbvh* rbvh = pair.rbvh();
+  if (rbvh == nullptr) throw Error(ErrorKind::kUsage, pair.path, "is no .rbvh pair, and has no levels");
+  const Level* level = rbvh->find_level(name);
+  if (level == nullptr)
+    throw Error(ErrorKind::kUsage, pair.path,
+                "there is no level '" + name + "'; there are " + level_names(*rbvh));
+  Scan mesh = level_mesh(*level, pair.is_cloud, counts);
+  if (mesh.positions.empty() || mesh.is_cloud() != pair.is_cloud)
+    throw Error(ErrorKind::kInput, pair.path, "level " + level->name + " has no surface");
+  mesh.shift = rbvh->source.shift;
+  return mesh;
 }
 
 std::vector<std::string> level_names(const Asset& asset) {

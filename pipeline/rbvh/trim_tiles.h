@@ -1,0 +1,16 @@
+// Which cells of overlapping tiles a mesh takes. (Turk & Levoy, "Zippered Polygon Meshes from Range Images",
+// SIGGRAPH 1994: overlapping range images lose what is there twice, before they are joined.)
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "pipeline/rbvh/rbvh.h"
+
+namespace rbvh {
+
+/// For each texel of the level's atlas 1 where the quad that begins there (see for_each_quad()) lies on no
+/// primitive and on no quad of a lower leaf, else 0. Between what is left are gaps about a texel wide.
+std::vector<std::uint8_t> trimmed_quads(const Level& level);
+
+}  // namespace rbvh

@@ -1,0 +1,139 @@
+// A level as triangles or points.
+#include "pipeline/rbvh/level_mesh.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "pipeline/base/error.h"
+#include "pipeline/measure/surface_distance.h"
+#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/level_surface.h"
+#include "pipeline/rbvh/texel.h"
+#include "pipeline/rbvh/trim_tiles.h"
+#include "rbvh/asset.h"
+#include "tests/shapes.h"
+
+namespace rbvh {
+namespace {
+
+/// Closed: of triangles of equal size, all edges with two of them.
+Scan closed_sphere(int times) {
+  Scan scan;
+  scan.positions = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  scan.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  for (int i = 0; i < times; ++i) {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
+    const auto middle = [&](std::uint32_t a, std::uint32_t b) {
+      const auto [at, is_new] = middles.try_emplace(std::minmax(a, b), scan.positions.size());
+      if (is_new) scan.positions.push_back(normalized(scan.positions[a] + scan.positions[b]));
+      return at->second;
+    };
+    std::vector<Triangle> finer;
+    for (const auto& [a, b, c] : scan.triangles) {
+      const std::uint32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+      finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+    }
+    scan.triangles = std::move(finer);
+  }
+  return scan;
+}
+
+Level build_level(const Scan& scan, LevelConfig config, Hybrid hybrid = Hybrid::kAuto) {
+  BuildConfig build;
+  build.levels = {config};
+  build.hybrid = hybrid;
+  return std::move(build_rbvh(Device::open(), scan, build).levels[0]);
+}
+
+/// Of tiles: a quarter of the texels that the triangles have.
+LevelConfig coarse_tiles() { return {"Q2", 3e4f, 0.75f, 55, 0}; }
+
+void expect_no_duplicates(const Scan& mesh) {
+  std::set<Triangle> seen;
+  for (Triangle t : mesh.triangles) {
+    std::sort(t.begin(), t.end());
+    EXPECT_TRUE(seen.insert(t).second);
+    EXPECT_TRUE(t[0] != t[1] && t[1] != t[2]);
+  }
+}
+
+TEST(LevelMesh, TilesOfAClosedSphereAreClosed) {
+  Scan scan = closed_sphere(7);  // 131,072 triangles
+  for (const Vec3f& p : scan.positions)
+    scan.colors.push_back({static_cast<std::uint8_t>(p.z > 0 ? 255 : 0), 0, 0});
+  const Level level = build_level(scan, coarse_tiles());
+  LevelMeshCounts counts;
+  const Scan mesh = level_mesh(level, false, &counts);
+  EXPECT_GT(counts.tile_quads, 10000u);
+  EXPECT_GT(counts.trimmed_quads, 500u);
+  EXPECT_GT(counts.stitch_triangles, 500u);
+  EXPECT_EQ(counts.open_edges, 0u);
+  EXPECT_EQ(counts.non_manifold_edges, 0u);
+  // Euler: a sphere.
+  EXPECT_EQ(mesh.positions.size() + mesh.triangles.size() - mesh.triangles.size() * 3 / 2, 2u);
+  expect_no_duplicates(mesh);
+  ASSERT_EQ(mesh.normals.size(), mesh.positions.size());
+  ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    const Vec3f p = mesh.positions[i];
+    EXPECT_NEAR(length(p), 1, 1e-3f);
+    EXPECT_GT(dot(mesh.normals[i], normalized(p)), 0.98f);
+    if (std::abs(p.z) > 0.05f) {
+      EXPECT_EQ(mesh.colors[i][0], p.z > 0 ? 255 : 0);
+    }
+  }
+  for (const Triangle& t : mesh.triangles) {
+    const Vec3f a = mesh.positions[t[0]];
+    EXPECT_GE(dot(cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a), a), 0);
+  }
+  EXPECT_LT(sampled_distance(surface_of(scan), ClosestPoint(surface_of(mesh)), 20000).max, 2e-3);
+}
+
+TEST(LevelMesh, ALevelOfPrimitivesIsTheseAsTheyAre) {
+  const Scan scan = closed_sphere(4);
+  const Level level = build_level(scan, {"Q0", 2e6f, 0.85f, 45, 0}, Hybrid::kAlways);
+  ASSERT_EQ(level.primitive_leaves.size(), level.leaves.size());
+  LevelMeshCounts counts;
+  const Scan mesh = level_mesh(level, false, &counts);
+  EXPECT_EQ(mesh.positions, level.primitives.positions);
+  EXPECT_EQ(mesh.triangles, level.primitives.triangles);
+  EXPECT_EQ(counts.open_edges, 0u);
+  EXPECT_EQ(counts.tile_quads, 0u);
+}
+
+TEST(LevelMesh, TrimmedTilesDoNotOverlap) {
+  Scan scan;
+  add_plate(scan, 300, 0.1f);
+  const Level level = build_level(scan, coarse_tiles());
+  const std::vector<std::uint8_t> kept = trimmed_quads(level);
+  double area = 0;
+  for_each_quad(level, [&](std::uint32_t leaf, std::uint32_t, std::uint32_t, std::size_t texel) {
+    const TileFrame frame(level.leaves[leaf]);
+    area += kept[texel] != 0 ? length(frame.u) * length(frame.v) : 0;
+  });
+  EXPECT_LT(area, 1);
+  EXPECT_GT(area, 0.8);
+  double whole = 0;
+  const Scan mesh = level_mesh(level, false);
+  for (const Triangle& t : mesh.triangles) {
+    const Vec3f a = mesh.positions[t[0]];
+    whole += 0.5 * static_cast<double>(cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a).z);
+  }
+  EXPECT_NEAR(whole, 1, 0.02);
+}
+
+TEST(LevelMesh, OfAnAssetByName) {
+  const Scan scan = closed_sphere(4);
+  BuildConfig build;
+  build.levels = standard_levels({"Q3", "Q4"});
+  const Asset pair = build_pair(Device::open(), scan, build);
+  EXPECT_LT(level_mesh(pair, "Q4").triangles.size(), level_mesh(pair).triangles.size());
+  EXPECT_THROW(level_mesh(pair, "Q0"), Error);
+  EXPECT_THROW(level_mesh(make_asset(Scan(scan))), Error);
+}
+
+}  // namespace
+}  // namespace rbvh
