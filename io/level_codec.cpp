@@ -7,10 +7,10 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <unordered_map>
 
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/top_tree.h"
+#include "pipeline/rbvh/check_rbvh.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/texel.h"
@@ -251,7 +251,8 @@ Bytes encode_leaves(const Level& level) {
     for (std::size_t k = 0; k < 4; ++k) places[k].push_back(place[k]);
     const RoundedBox box = round_box(grid, boxes[i]);
     for (std::size_t k = 0; k < kSigned; ++k) {
-      // A box's upper end as its extent; its lower end and the frame's corner beside those of the leaf before.
+      // A box's upper end as its extent; its lower end and the frame's corner beside those of the leaf
+      // before.
       const std::int32_t value = k < 3 ? frame.corner[k] : box[k - 3];
       numbers[k].push_back(zigzag(value, k < 6 ? before[k] : box[k - 6]));
       before[k] = value;
@@ -348,35 +349,51 @@ LatticePoint to_lattice(const Lattice& lattice, Vec3f p) {
   return point;
 }
 
-/// Which vertices follow from those before them: across the edge of a triangle that is already known lies the
-/// corner of a parallelogram (Touma & Gotsman 1998). Calls `predict(vertex, a, b, c)` for each vertex in the
-/// order of first use with a + b - c as its guess; a = b = c = RBVH_NO_LEAF: there is none.
-template <class Predict>
-void for_each_vertex(const std::vector<Triangle>& triangles, std::uint32_t vertices, Predict&& predict) {
-  std::unordered_map<std::uint64_t, std::uint32_t> opposite;  // of an edge, as seen from its other side
-  const auto edge = [](std::uint32_t from, std::uint32_t to) { return std::uint64_t{from} << 32 | to; };
-  std::uint32_t next = 0;
+/// Where a vertex is guessed to be: at a + b - c, of vertices that are known.
+struct Guess {
+  std::uint32_t a, b, c;
+
+  std::int32_t along(const std::vector<LatticePoint>& points, std::size_t axis) const {
+    const auto at = [&](std::uint32_t i) { return points[i].bits[axis]; };  // whole numbers, modulo 2^32
+    return a == RBVH_NO_LEAF ? 0 : static_cast<std::int32_t>(at(a) + at(b) - at(c));
+  }
+};
+
+/// Calls `visit(vertex, guess)` for each vertex in the order of first use, and then for those that no
+/// triangle uses. Across an edge of a triangle that is known lies the corner of a parallelogram (Touma &
+/// Gotsman 1998); a vertex without such an edge lies near the one before it.
+template <class Visit>
+void for_each_vertex(const std::vector<Triangle>& triangles, std::uint32_t vertices, Visit&& visit) {
+  struct Edge {
+    std::uint32_t from = RBVH_NO_LEAF, to = RBVH_NO_LEAF, opposite = 0;  // as seen from its other side
+  };
+  // Of the edges that share a slot the last one: a table of all would take more memory than the level.
+  std::vector<Edge> edges(1 << 16);
+  const auto slot = [&](std::uint32_t from, std::uint32_t to) -> Edge& {
+    return edges[(from * 0x9e3779b1u ^ to * 0x85ebca6bu) >> 16];
+  };
+  std::vector<bool> is_known(vertices);
+  std::uint32_t before = RBVH_NO_LEAF;
+  const auto visit_next = [&](std::uint32_t vertex, const Guess& guess) {
+    visit(vertex, guess);
+    is_known[vertex] = true;
+    before = vertex;
+  };
   for (const Triangle& t : triangles) {
     for (std::size_t k = 0; k < 3; ++k) {
-      if (t[k] != next) continue;
+      if (is_known[t[k]]) continue;
       const std::uint32_t a = t[(k + 1) % 3], b = t[(k + 2) % 3];
-      const auto found = a < next && b < next ? opposite.find(edge(a, b)) : opposite.end();
-      if (found != opposite.end())
-        predict(next, a, b, found->second);
-      else
-        predict(next, RBVH_NO_LEAF, RBVH_NO_LEAF, RBVH_NO_LEAF);
-      ++next;
+      const Edge& edge = slot(a, b);
+      const bool is_across = edge.from == a && edge.to == b;
+      visit_next(t[k], is_across ? Guess{a, b, edge.opposite} : Guess{before, before, before});
     }
-    for (std::size_t k = 0; k < 3; ++k) opposite[edge(t[(k + 1) % 3], t[k])] = t[(k + 2) % 3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t from = t[(k + 1) % 3], to = t[k];
+      slot(from, to) = {from, to, t[(k + 2) % 3]};
+    }
   }
-  for (; next < vertices; ++next) predict(next, RBVH_NO_LEAF, RBVH_NO_LEAF, RBVH_NO_LEAF);
-}
-
-std::int32_t guess(const std::vector<LatticePoint>& points, std::uint32_t vertex, std::uint32_t a,
-                   std::uint32_t b, std::uint32_t c, std::size_t axis) {
-  const auto at = [&](std::uint32_t i) { return points[i].bits[axis]; };  // whole numbers, modulo 2^32
-  if (a != RBVH_NO_LEAF) return static_cast<std::int32_t>(at(a) + at(b) - at(c));
-  return vertex > 0 ? static_cast<std::int32_t>(at(vertex - 1)) : 0;
+  for (std::uint32_t vertex = 0; vertex < vertices; ++vertex)
+    if (!is_known[vertex]) visit_next(vertex, {before, before, before});
 }
 
 Vec3f from_lattice(const Lattice& lattice, const LatticePoint& point) {
@@ -390,19 +407,18 @@ Vec3f from_lattice(const Lattice& lattice, const LatticePoint& point) {
   return p;
 }
 
-/// What is added to the guess, or to the vertex before where there is none; without a lattice the floats.
+/// What is added to the guesses; without a lattice the floats.
 Bytes encode_positions(const Scan& primitives, const Lattice& lattice) {
   std::vector<LatticePoint> points;
   for (const Vec3f& p : primitives.positions) points.push_back(to_lattice(lattice, p));
   if (!(lattice.step > 0)) return encode_vertices(points);
   std::vector<std::uint32_t> residuals[3];
   const auto count = static_cast<std::uint32_t>(points.size());
-  for_each_vertex(primitives.triangles, count,
-                  [&](std::uint32_t vertex, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-                    for (std::size_t k = 0; k < 3; ++k)
-                      residuals[k].push_back(zigzag(static_cast<std::int32_t>(points[vertex].bits[k]),
-                                                    guess(points, vertex, a, b, c, k)));
-                  });
+  for_each_vertex(primitives.triangles, count, [&](std::uint32_t vertex, const Guess& guess) {
+    for (std::size_t k = 0; k < 3; ++k)
+      residuals[k].push_back(
+          zigzag(static_cast<std::int32_t>(points[vertex].bits[k]), guess.along(points, k)));
+  });
   Columns columns;
   for (const auto& column : residuals) columns.add(column);
   return compress(columns.raw);
@@ -419,14 +435,22 @@ bool decode_positions(const Bytes& packed, std::size_t count, const Lattice& lat
     std::vector<std::uint32_t> residuals[3];
     for (auto& column : residuals) column = reader.take<std::uint32_t>(count);
     points.resize(count);
+    std::size_t next = 0;
     for_each_vertex(primitives.triangles, static_cast<std::uint32_t>(count),
-                    [&](std::uint32_t vertex, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+                    [&](std::uint32_t vertex, const Guess& guess) {
                       for (std::size_t k = 0; k < 3; ++k)
-                        points[vertex].bits[k] = static_cast<std::uint32_t>(
-                            unzigzag(residuals[k][vertex], guess(points, vertex, a, b, c, k)));
+                        points[vertex].bits[k] =
+                            static_cast<std::uint32_t>(unzigzag(residuals[k][next], guess.along(points, k)));
+                      ++next;
                     });
   }
-  for (const LatticePoint& point : points) primitives.positions.push_back(from_lattice(lattice, point));
+  for (const LatticePoint& point : points) {
+    const Vec3f p = from_lattice(lattice, point);
+    // Frames and boxes are computed from these before find_fault() sees them.
+    for (int axis = 0; axis < 3; ++axis)
+      if (!(std::abs(p[axis]) <= kLargestValue)) return false;
+    primitives.positions.push_back(p);
+  }
   return true;
 }
 
@@ -465,32 +489,8 @@ Bytes encode_triangles(const Scan& primitives) {
   return compress(raw);
 }
 
-}  // namespace
-
-LevelCounts level_counts(const Level& level) {
-  return {static_cast<std::uint32_t>(level.leaves.size()),
-          static_cast<std::uint32_t>(level.primitive_leaves.size()),
-          static_cast<std::uint32_t>(level.primitives.positions.size()),
-          static_cast<std::uint32_t>(level.primitives.triangles.size())};
-}
-
-std::uint64_t decoded_bytes(const LevelCounts& counts) {
-  return counts.leaves * std::uint64_t{sizeof(RbvhLeaf) + 2 * sizeof(RbvhNode)} +
-         counts.vertices * std::uint64_t{32} + counts.triangles * std::uint64_t{sizeof(Triangle)};
-}
-
-std::uint64_t stream_bytes(const LevelStreams& s) {
-  return s.tree.size() + s.leaves.size() + s.positions.size() + s.normals.size() + s.colors.size() +
-         s.radii.size() + s.triangles.size();
-}
-
-LevelStreams encode_streams(const Level& level, const std::string& path) {
-  LevelStreams streams;
-  streams.tree = encode_tree(level, path);
-  streams.leaves = encode_leaves(level);
-  const Scan& primitives = level.primitives;
-  if (primitives.positions.empty()) return streams;
-  streams.positions = encode_positions(primitives, level.lattice);
+void encode_primitives(const Scan& primitives, const Lattice& lattice, LevelStreams& streams) {
+  streams.positions = encode_positions(primitives, lattice);
   streams.normals = encode_columns(stored_normals(primitives));
   if (!primitives.colors.empty()) {
     std::vector<PaddedColor> colors;
@@ -504,6 +504,47 @@ LevelStreams encode_streams(const Level& level, const std::string& path) {
   } else {
     streams.triangles = encode_triangles(primitives);
   }
+}
+
+/// In memory.
+std::uint64_t decoded_bytes(const LevelCounts& counts) {
+  return counts.leaves * std::uint64_t{sizeof(RbvhLeaf) + 2 * sizeof(RbvhNode)} +
+         counts.vertices * std::uint64_t{32} + counts.triangles * std::uint64_t{sizeof(Triangle)};
+}
+
+/// A frame that decoders skip, of at least that many bytes.
+void pad(Bytes& packed, std::uint64_t bytes) {
+  constexpr std::uint32_t kSkipped = ZSTD_MAGIC_SKIPPABLE_START;
+  const auto size = static_cast<std::uint32_t>(bytes);
+  for (const std::uint32_t word : {kSkipped, size})
+    for (int byte = 0; byte < 4; ++byte) packed.push_back(static_cast<std::uint8_t>(word >> (8 * byte)));
+  packed.resize(packed.size() + size);
+}
+
+}  // namespace
+
+LevelCounts level_counts(const Level& level) {
+  return {static_cast<std::uint32_t>(level.leaves.size()),
+          static_cast<std::uint32_t>(level.primitive_leaves.size()),
+          static_cast<std::uint32_t>(level.primitives.positions.size()),
+          static_cast<std::uint32_t>(level.primitives.triangles.size())};
+}
+
+std::uint64_t stream_bytes(const LevelStreams& s) {
+  return s.tree.size() + s.leaves.size() + s.positions.size() + s.normals.size() + s.colors.size() +
+         s.radii.size() + s.triangles.size();
+}
+
+LevelStreams encode_streams(const Level& level, const std::string& path) {
+  LevelStreams streams;
+  streams.tree = encode_tree(level, path);
+  streams.leaves = encode_leaves(level);
+  Scan primitives = level.primitives;
+  rotate_as_stored(primitives);  // positions and normals follow from the triangles as a reader has them
+  if (!primitives.positions.empty()) encode_primitives(primitives, level.lattice, streams);
+  const std::uint64_t bytes = stream_bytes(streams),
+                      least = decoded_bytes(level_counts(level)) / kMaxExpansion + 1;
+  if (bytes < least) pad(streams.leaves, least - bytes);
   return streams;
 }
 
@@ -523,6 +564,8 @@ void decode_streams(const LevelStreams& streams, const LevelCounts& counts, doub
     std::vector<std::uint16_t> radii;
     if (!decode_columns(streams.radii, counts.vertices, radii)) refuse(path, level, "radii");
     for (const std::uint16_t r : radii) primitives.radii.push_back(unround_radius(r));
+    for (const float r : primitives.radii)
+      if (!(r <= kLargestValue)) refuse(path, level, "radii");
   }
   if (counts.triangles > 0) {
     Bytes raw;

@@ -33,7 +33,8 @@
 namespace rbvh {
 namespace {
 
-static_assert(sizeof(file::LayerTile) == sizeof(LayerTile) && sizeof(file::Measures) == sizeof(LevelMeasures));
+static_assert(sizeof(file::LayerTile) == sizeof(LayerTile) &&
+              sizeof(file::Measures) == sizeof(LevelMeasures));
 constexpr std::size_t kSealHashAt = 8;  // in file::Seal
 constexpr int kMaxBuildOptionsDepth = 32;
 constexpr const char* kRebuild = "; build the pair again";
@@ -114,8 +115,9 @@ Level to_level(const file::Level& from, double area, const std::string& path) {
       .triangles = to_vector<std::uint8_t>(s.triangles()),
   };
   const file::Counts& c = *from.counts();
-  for (const float step : {level.grid.frame_step, level.grid.box_step, level.lattice.step})
-    if (!(step >= 0 && step <= kLargestValue)) refuse(path, "is malformed: a grid's step is no number" + std::string(kRebuild));
+  if (!is_name(level.name))  // it becomes a part of messages
+    refuse(path,
+           "is malformed: a level has a name that is not letters, digits, _ and -" + std::string(kRebuild));
   decode_streams(streams, {c.leaves(), c.primitive_leaves(), c.vertices(), c.triangles()}, area, path, level);
   level.stored_bytes = stream_bytes(streams) + layer_tile_bytes(level) + from.atlas_bytes();
   return level;
@@ -186,16 +188,14 @@ flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& build
   const LevelFidelity& f = level.fidelity;
   const file::Fidelity fidelity(f.mask_mismatch_percent, f.median_dt, f.p99_dt, f.holes, f.leaks, f.walls);
   const auto measures = std::bit_cast<file::Measures>(f.more);
-  return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, level.error, &bounds,
-                           &counts_there, &grid, &lattice, stream_table, level.atlas_width,
-                           level.atlas_height, layer_vector, level.texels_used, atlas_bytes,
-                           f.measured ? &fidelity : nullptr, f.more.views > 0 ? &measures : nullptr,
-                           derived_from);
+  return file::CreateLevel(
+      builder, name, level.rho, level.alpha, level.phi_degrees, level.error, &bounds, &counts_there, &grid,
+      &lattice, stream_table, level.atlas_width, level.atlas_height, layer_vector, level.texels_used,
+      atlas_bytes, f.measured ? &fidelity : nullptr, f.more.views > 0 ? &measures : nullptr, derived_from);
 }
 
 flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atlas_length,
-                                             std::uint64_t atlas_hash,
-                                             std::span<const LevelStreams> streams,
+                                             std::uint64_t atlas_hash, std::span<const LevelStreams> streams,
                                              std::span<const std::uint64_t> level_atlas_bytes) {
   flatbuffers::FlatBufferBuilder builder(1 << 20);
   std::vector<flatbuffers::Offset<file::Level>> levels;

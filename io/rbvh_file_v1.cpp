@@ -54,6 +54,25 @@ void take_primitives(const std::vector<RbvhPrimitive>& shapes, bool discs, Scan&
   if (!discs) primitives.normals.resize(primitives.positions.size());
 }
 
+/// What follows relies on: leaves of primitives are there, and have a place in the atlas as all others.
+const char* find_place_fault(const Level& level) {
+  for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves)
+    if (leaf.leaf >= level.leaves.size()) return "a leaf has primitives that is not there";
+  for (const RbvhLeaf& leaf : level.leaves)
+    if (leaf.width < 2 || leaf.height < 2 || std::uint32_t{leaf.x} + leaf.width > level.atlas_width ||
+        std::uint32_t{leaf.y} + leaf.height > level.atlas_height)
+      return "a leaf has a tile that is too small or extends beyond the atlas";
+  return nullptr;
+}
+
+std::uint64_t tile_texels(const Level& level) {
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
+  std::uint64_t texels = 0;
+  for (std::size_t i = 0; i < level.leaves.size(); ++i)
+    if (firsts[i] == RBVH_NO_LEAF) texels += std::uint64_t{level.leaves[i].width} * level.leaves[i].height;
+  return texels;
+}
+
 /// A user's layer may have had the level's atlas, in which leaves of primitives had places then.
 void give_layers_tiles(Level& level) {
   if (level.primitive_leaves.empty()) return;
@@ -61,7 +80,8 @@ void give_layers_tiles(Level& level) {
     if (layer_kind(layer.name) != LayerKind::kUser || !layer.tiles.empty()) continue;
     layer.width = level.atlas_width;
     layer.height = level.atlas_height;
-    for (const RbvhLeaf& leaf : level.leaves) layer.tiles.push_back({leaf.x, leaf.y, leaf.width, leaf.height});
+    for (const RbvhLeaf& leaf : level.leaves)
+      layer.tiles.push_back({leaf.x, leaf.y, leaf.width, leaf.height});
   }
 }
 
@@ -87,7 +107,10 @@ Rbvh decode_hierarchy_v1(std::span<const std::byte> file, flatbuffers::Verifier&
                          level.primitive_leaves.size() * sizeof(RbvhPrimitiveLeaf) +
                          primitive_count(level) * sizeof(RbvhPrimitive) + layer_tile_bytes(level) +
                          from->atlas_bytes();
+    if (const char* fault = find_place_fault(level)) refuse(path, fault);
     give_layers_tiles(level);
+    // Those of leaves of primitives were counted as well.
+    level.texels_used = std::min(level.texels_used, tile_texels(level));
   }
   return rbvh;
 }
@@ -100,12 +123,13 @@ void give_vertices_attributes(Rbvh& rbvh) {
     const std::vector<Vec3f> own = holds_discs(level) ? primitives.normals : vertex_normals(primitives);
     if (colors != nullptr) primitives.colors.resize(primitives.positions.size());
     for (const RbvhPrimitiveLeaf& of : level.primitive_leaves) {
-      const RbvhLeaf& leaf = level.leaves[of.leaf];
+      const RbvhLeaf& leaf = level.leaves[of.leaf];  // inside the atlas: find_place_fault()
       for (std::uint32_t i = of.first; i < of.first + leaf.primitives; ++i)
         for (const std::uint32_t vertex : primitive_corners(primitives, i)) {
           const Vec3f at = to_tile(leaf, primitives.positions[vertex]);
           const auto place = [](float value, int size) {
-            return static_cast<std::size_t>(std::clamp(value + 0.5f, 0.0f, static_cast<float>(size - 1)));
+            if (!(value > 0)) return std::size_t{0};  // NaN as well: products may overflow
+            return static_cast<std::size_t>(std::min(value + 0.5f, static_cast<float>(size - 1)));
           };
           const std::size_t texel =
               (leaf.y + place(at.y, leaf.height)) * level.atlas_width + leaf.x + place(at.x, leaf.width);

@@ -24,13 +24,6 @@ bool is_box(const float* lo, const float* hi) {
 
 bool is_box(const Bounds3f& b) { return is_box(&b.lo.x, &b.hi.x); }
 
-// Names become parts of file names ({level}) and of subimage names.
-bool is_name(const std::string& name) {
-  return !name.empty() && name.size() <= 32 && std::all_of(name.begin(), name.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-  });
-}
-
 bool is_invertible(const float* m) {
   Vec3d row[3];
   double size[3];
@@ -130,7 +123,8 @@ Fault find_primitive_fault(const Level& level) {
   if (primitives.normals.size() != vertices ||
       (!primitives.colors.empty() && primitives.colors.size() != vertices) ||
       (holds_discs(level) && (primitives.radii.size() != vertices || !primitives.triangles.empty())))
-    return "has primitives of " + number(vertices) + " vertices, and other numbers of normals, colours or radii";
+    return "has primitives of " + number(vertices) +
+           " vertices, and other numbers of normals, colours or radii";
   for (std::size_t i = 0; i < vertices; ++i) {
     const Vec3f p = primitives.positions[i], n = primitives.normals[i];
     if (!is_coordinate(p.x) || !is_coordinate(p.y) || !is_coordinate(p.z))
@@ -171,8 +165,13 @@ Fault find_layer_fault(const Level& level, const Layer& layer) {
 }
 
 Fault find_level_fault(const Level& level) {
-  for (const float value : {level.rho, level.alpha, level.phi_degrees})
+  for (const float value : {level.rho, level.alpha, level.phi_degrees, level.error})
     if (!std::isfinite(value)) return "has a parameter that is not finite";
+  for (const Vec3f& origin : {level.grid.origin, level.lattice.origin})
+    if (!is_box(&origin.x, &origin.x)) return "has a grid or lattice that is not finite";
+  for (const float step : {level.grid.frame_step, level.grid.box_step, level.lattice.step})
+    if (!(step >= 0) || !is_coordinate(step)) return "has a grid or lattice that is not finite";
+  if ((level.grid.frame_step > 0) != (level.grid.box_step > 0)) return "has a grid for frames or boxes alone";
   if (!is_box(level.bounds)) return "has bounds that are inverted or not finite";
   if (level.layers.empty() || level.layers.size() > kMaxLayers)
     return "has " + number(level.layers.size()) + " layers; 1 to " + number(kMaxLayers) + " are possible";
@@ -215,6 +214,13 @@ Fault find_level_fault(const Level& level) {
 }
 
 }  // namespace
+
+// Names become parts of file names ({level}) and of subimage names.
+bool is_name(const std::string& name) {
+  return !name.empty() && name.size() <= 32 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
 
 std::optional<std::string> find_fault(const Rbvh& rbvh) {
   const RbvhSource& source = rbvh.source;

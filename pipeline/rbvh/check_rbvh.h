@@ -16,6 +16,9 @@ inline constexpr std::uint32_t kMaxChannels = 4;
 inline constexpr std::uint32_t kMaxLeafPrimitives = 255;  ///< exact ones of a leaf
 inline constexpr std::uint64_t kMaxTileTexels = 1u << 28;
 
+/// Of levels and layers: 1 to 32 letters, digits, _ and -.
+bool is_name(const std::string& name);
+
 /// The first fault of the hierarchies, the tiles' places and the names, in words ("level Q0: node 7 ..."), or
 /// nothing. Texels are not looked at. Takes time linear in nodes and leaves. Without a fault: every level has
 /// a tree in which children come after their parent, every node but the root has one parent, every leaf one

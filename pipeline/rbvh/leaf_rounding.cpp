@@ -1,15 +1,21 @@
 #include "pipeline/rbvh/leaf_rounding.h"
 
+#include <meshoptimizer.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <vector>
+
+#include "pipeline/base/error.h"
 
 namespace rbvh {
 namespace {
 
-constexpr double kRotationScale = 32767 * std::numbers::sqrt2_v<double>;  // smaller parts are within +-sqrt(1/2)
+constexpr double kRotationScale =
+    32767 * std::numbers::sqrt2_v<double>;  // smaller parts are within +-sqrt(1/2)
 constexpr int kTexelShift = 15;
 /// What is this much too long, relatively, is a side's own rounding.
 constexpr double kSideRounding = 1e-5;
@@ -19,8 +25,7 @@ constexpr float kFrameSteps = 1 << 20, kBoxSteps = 1 << 16;
 constexpr double kOnGrid = 1e-2;
 
 std::int32_t to_int(double value) {
-  return static_cast<std::int32_t>(
-      std::clamp(value, -2147483647.0, 2147483647.0));
+  return static_cast<std::int32_t>(std::clamp(value, -2147483647.0, 2147483647.0));
 }
 
 /// Of the rotation whose matrix has these rows (Shepperd's method, for the largest part).
@@ -78,6 +83,16 @@ std::uint16_t round_radius(float radius) {
   return unround_radius(below) >= radius ? below : static_cast<std::uint16_t>(below + 1);
 }
 
+void rotate_as_stored(Scan& mesh) {
+  static_assert(sizeof(Triangle) == 3 * sizeof(unsigned int));
+  auto* indices = reinterpret_cast<unsigned int*>(mesh.triangles.data());
+  const std::size_t count = 3 * mesh.triangles.size();
+  std::vector<unsigned char> bytes(meshopt_encodeIndexBufferBound(count, mesh.positions.size()));
+  bytes.resize(meshopt_encodeIndexBuffer(bytes.data(), bytes.size(), indices, count));
+  RBVH_CHECK(meshopt_decodeIndexBuffer(indices, count, sizeof(unsigned int), bytes.data(), bytes.size()) ==
+             0);
+}
+
 float unround_radius(std::uint16_t code) { return static_cast<float>(side_of(code)); }
 
 RoundedFrame round_frame(const LeafGrid& grid, const float m[12]) {
@@ -100,12 +115,11 @@ RoundedFrame round_frame(const LeafGrid& grid, const float m[12]) {
   const double sign = q[largest] < 0 ? -1 : 1;
   for (std::size_t i = 0, k = 0; i < 4; ++i)
     if (i != largest)
-      frame.rotation[k++] = static_cast<std::int16_t>(
-          std::clamp(std::round(sign * q[i] * kRotationScale), -32767.0, 32767.0));
+      frame.rotation[k++] =
+          static_cast<std::int16_t>(std::clamp(std::round(sign * q[i] * kRotationScale), -32767.0, 32767.0));
   for (int axis = 0; axis < 3; ++axis)
-    frame.corner[static_cast<std::size_t>(axis)] =
-        to_int(std::round((corner[axis] - static_cast<double>(grid.origin[axis])) /
-                          static_cast<double>(grid.frame_step)));
+    frame.corner[static_cast<std::size_t>(axis)] = to_int(std::round(
+        (corner[axis] - static_cast<double>(grid.origin[axis])) / static_cast<double>(grid.frame_step)));
   frame.texels = {texel_code((1 + kSideRounding) / lengths[0]), texel_code((1 + kSideRounding) / lengths[1])};
   frame.quantum = static_cast<float>(1 / lengths[2]);
   return frame;

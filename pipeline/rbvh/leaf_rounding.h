@@ -11,13 +11,17 @@ namespace rbvh {
 
 LeafGrid leaf_grid(const Bounds3f& bounds);
 
-/// The next larger side of a texel that can be stored. Tiles are rasterised with it, as a tile's far end would
-/// move by a part of a texel otherwise.
+/// The next larger side of a texel that can be stored. Tiles are rasterised with it, as a tile's far end
+/// would move by a part of a texel otherwise.
 double round_texel(double side);
 
 /// A disc's radius likewise, in 16 bits.
 std::uint16_t round_radius(float radius);
 float unround_radius(std::uint16_t code);
+
+/// Triangles are stored in their order and with their sides, but may begin with another corner. `mesh` is the
+/// level's primitives, and indices are in range.
+void rotate_as_stored(Scan& mesh);
 
 /// A tile's frame: which way it lies, the place of (u, v, w) = 0, and its scales.
 struct RoundedFrame {

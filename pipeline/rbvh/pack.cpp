@@ -27,24 +27,14 @@ constexpr double kNormalsApartDegrees = 20, kMostApart = 0.1;
 /// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
 constexpr float kSameNormal = 0.94f;
 
-/// The file's codec keeps the order of triangles and their sides, but may begin with another corner.
-void rotate_as_stored(Scan& mesh) {
-  static_assert(sizeof(Triangle) == 3 * sizeof(unsigned int));
-  auto* indices = reinterpret_cast<unsigned int*>(mesh.triangles.data());
-  const std::size_t count = 3 * mesh.triangles.size();
-  std::vector<unsigned char> bytes(meshopt_encodeIndexBufferBound(count, mesh.positions.size()));
-  bytes.resize(meshopt_encodeIndexBuffer(bytes.data(), bytes.size(), indices, count));
-  RBVH_CHECK(meshopt_decodeIndexBuffer(indices, count, sizeof(unsigned int), bytes.data(), bytes.size()) == 0);
-}
-
 Vec3f center(const Scan& scan, std::uint32_t primitive) {
   if (scan.is_cloud()) return scan.positions[primitive];
   const Triangle& t = scan.triangles[primitive];
   return (scan.positions[t[0]] + scan.positions[t[1]] + scan.positions[t[2]]) * (1.0f / 3);
 }
 
-/// Orders a leaf's triangles so that each shares vertices with those before it: blocks of consecutive ones are
-/// close together, and the file's codec needs few bytes for them.
+/// Orders a leaf's triangles so that each shares vertices with those before it: blocks of consecutive ones
+/// are close together, and the file's codec needs few bytes for them.
 void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) {
   std::sort(primitives.begin(), primitives.end());  // their order depends on other levels' splits
   std::vector<unsigned int> indices, vertices, ordered;
@@ -68,7 +58,8 @@ void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) 
   ordered.resize(indices.size());
   meshopt_optimizeVertexCacheStrip(ordered.data(), indices.data(), indices.size(), vertices.size());
   for (std::size_t k = 0; k < primitives.size(); ++k) {
-    std::vector<std::uint32_t>& same = by_corners.at({ordered[3 * k], ordered[3 * k + 1], ordered[3 * k + 2]});
+    std::vector<std::uint32_t>& same =
+        by_corners.at({ordered[3 * k], ordered[3 * k + 1], ordered[3 * k + 2]});
     primitives[k] = same.back();
     same.pop_back();
   }
