@@ -51,6 +51,7 @@ Json level_json(const Level& level, std::uint64_t primitives) {
                {"rho", float_json(level.rho)},
                {"alpha", float_json(level.alpha)},
                {"phi_degrees", float_json(level.phi_degrees)},
+               {"error", float_json(level.error)},
                {"nodes", level.nodes.size()},
                {"leaves", level.leaves.size()},
                {"primitive_leaves", level.primitive_leaves.size()},

@@ -477,6 +477,47 @@ bool decode_columns(const Bytes& packed, std::size_t count, std::vector<std::uin
   return true;
 }
 
+/// Without a lattice, normals are the floats that they are.
+Bytes encode_normals(const Scan& primitives, const Lattice& lattice) {
+  return lattice.step > 0 ? encode_columns(stored_normals(primitives)) : encode_vertices(primitives.normals);
+}
+
+/// The radii and triangles are known.
+bool decode_normals(const Bytes& packed, std::size_t count, const Lattice& lattice, Scan& primitives) {
+  if (!(lattice.step > 0)) {
+    if (!decode_vertices(packed, count, primitives.normals)) return false;
+    // Frames are computed from these before find_fault() sees them.
+    return std::all_of(primitives.normals.begin(), primitives.normals.end(),
+                       [](const Vec3f& n) { return dot(n, n) < 2; });
+  }
+  std::vector<std::uint16_t> codes;
+  if (!decode_columns(packed, count, codes)) return false;
+  primitives.normals =
+      primitives.radii.empty() ? vertex_normals(primitives) : std::vector<Vec3f>(count, Vec3f{0, 0, 1});
+  for (std::size_t i = 0; i < codes.size(); ++i)
+    if (codes[i] != 0) primitives.normals[i] = unpack_normal(codes[i]);
+  return true;
+}
+
+/// Without a lattice, radii are the floats that they are.
+Bytes encode_radii(const std::vector<float>& radii, const Lattice& lattice) {
+  if (!(lattice.step > 0)) return encode_vertices(radii);
+  std::vector<std::uint16_t> codes;
+  for (const float r : radii) codes.push_back(round_radius(r));
+  return encode_columns(codes);
+}
+
+bool decode_radii(const Bytes& packed, std::size_t count, const Lattice& lattice, std::vector<float>& radii) {
+  if (!(lattice.step > 0)) {
+    if (!decode_vertices(packed, count, radii)) return false;
+  } else {
+    std::vector<std::uint16_t> codes;
+    if (!decode_columns(packed, count, codes)) return false;
+    for (const std::uint16_t code : codes) radii.push_back(unround_radius(code));
+  }
+  return std::all_of(radii.begin(), radii.end(), [](float r) { return r >= 0 && r <= kLargestValue; });
+}
+
 struct PaddedColor {
   std::uint8_t rgb[4];
 };
@@ -491,16 +532,14 @@ Bytes encode_triangles(const Scan& primitives) {
 
 void encode_primitives(const Scan& primitives, const Lattice& lattice, LevelStreams& streams) {
   streams.positions = encode_positions(primitives, lattice);
-  streams.normals = encode_columns(stored_normals(primitives));
+  streams.normals = encode_normals(primitives, lattice);
   if (!primitives.colors.empty()) {
     std::vector<PaddedColor> colors;
     for (const Color8& c : primitives.colors) colors.push_back({{c[0], c[1], c[2], 0}});
     streams.colors = encode_vertices(colors);
   }
   if (!primitives.radii.empty()) {
-    std::vector<std::uint16_t> radii;
-    for (const float r : primitives.radii) radii.push_back(round_radius(r));
-    streams.radii = encode_columns(radii);
+    streams.radii = encode_radii(primitives.radii, lattice);
   } else {
     streams.triangles = encode_triangles(primitives);
   }
@@ -560,13 +599,9 @@ void decode_streams(const LevelStreams& streams, const LevelCounts& counts, doub
     if (!decode_vertices(streams.colors, counts.vertices, colors)) refuse(path, level, "colours");
     for (const PaddedColor& c : colors) primitives.colors.push_back({c.rgb[0], c.rgb[1], c.rgb[2]});
   }
-  if (!streams.radii.empty()) {
-    std::vector<std::uint16_t> radii;
-    if (!decode_columns(streams.radii, counts.vertices, radii)) refuse(path, level, "radii");
-    for (const std::uint16_t r : radii) primitives.radii.push_back(unround_radius(r));
-    for (const float r : primitives.radii)
-      if (!(r <= kLargestValue)) refuse(path, level, "radii");
-  }
+  if (!streams.radii.empty() &&
+      !decode_radii(streams.radii, counts.vertices, level.lattice, primitives.radii))
+    refuse(path, level, "radii");
   if (counts.triangles > 0) {
     Bytes raw;
     const std::size_t indices = 3 * std::size_t{counts.triangles};
@@ -581,14 +616,8 @@ void decode_streams(const LevelStreams& streams, const LevelCounts& counts, doub
   }
   if (counts.vertices > 0 && !decode_positions(streams.positions, counts.vertices, level.lattice, primitives))
     refuse(path, level, "positions");
-  if (counts.vertices > 0) {
-    std::vector<std::uint16_t> codes;
-    if (!decode_columns(streams.normals, counts.vertices, codes)) refuse(path, level, "normals");
-    primitives.normals = primitives.radii.empty() ? vertex_normals(primitives)
-                                                  : std::vector<Vec3f>(counts.vertices, Vec3f{0, 0, 1});
-    for (std::size_t i = 0; i < codes.size(); ++i)
-      if (codes[i] != 0) primitives.normals[i] = unpack_normal(codes[i]);
-  }
+  if (counts.vertices > 0 && !decode_normals(streams.normals, counts.vertices, level.lattice, primitives))
+    refuse(path, level, "normals");
   for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves) {
     RbvhLeaf& own = level.leaves[leaf.leaf];
     if (own.primitives == 0 || std::uint64_t{leaf.first} + own.primitives > primitive_count(level))

@@ -66,7 +66,7 @@ bool is_in_table_4(const LevelConfig& level) {
 }
 
 Built build_all(const Device& device, const Scan& scan, const Options& options, Report& report) {
-  const std::vector<LevelConfig>& levels = standard_levels();
+  const std::vector<LevelConfig> levels = by_density(standard_levels());  // as the paper has them
   const std::vector<EmbreeBuild> embree = embree_builds();
   std::vector<BuildResult> alone(levels.size()), on_host(levels.size()), embree_results(embree.size());
   BuildResult together, exact_result;
@@ -79,7 +79,9 @@ Built build_all(const Device& device, const Scan& scan, const Options& options, 
   }
   const int repetitions = options.wants(4) ? options.build_repetitions : 1;
   for (int repetition = 0; repetition < repetitions; ++repetition) {
-    built.rbvh = timed_build(device, scan, {}, together);
+    BuildConfig all;
+    all.levels = levels;
+    built.rbvh = timed_build(device, scan, all, together);
     for (std::size_t i = 0; i < levels.size() && options.wants(4); ++i) {
       BuildConfig config;
       config.levels = {levels[i]};
@@ -144,7 +146,7 @@ void measure_splits(const Device& device, const Scan& scan, const TimedRays& ray
                     Report& report) {
   std::vector<TileTracer> tracers;
   BuildConfig config;
-  config.levels = {standard_levels().front()};
+  config.levels = by_density({standard_levels().front()});
   for (const SplitRule rule : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea})
     for (const PartitionWhere where : {PartitionWhere::kHost, PartitionWhere::kDevice}) {
       config.split = rule;

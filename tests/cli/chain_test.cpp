@@ -25,6 +25,20 @@ class Chain : public ToolTest {
       " --camera-position 0,0,6 --camera-focal-point 0,0,0 --resolution 65,33";
 };
 
+TEST_F(Chain, LevelsAreByErrorOrByDensity) {
+  const auto level = [&](const std::string& words) {
+    good("build ball.ply -o ball.rbvh -f --levels Q2 " + words);
+    return Json::parse(tool("info ball.rbvh --json").out).at("levels").at(0);
+  };
+  const Json by_error = level(""), by_density = level("--levels-by density --hybrid off");
+  EXPECT_GT(by_error.at("error").get<double>(), 0);
+  EXPECT_EQ(by_error.at("primitive_leaves"), by_error.at("leaves"))
+      << "a small mesh: triangles are fewer bytes";
+  EXPECT_EQ(by_density.at("error").get<double>(), 0);
+  EXPECT_EQ(by_density.at("primitive_leaves").get<int>(), 0);
+  EXPECT_LT(by_error.at("bytes").get<double>(), 0.2 * by_density.at("bytes").get<double>());
+}
+
 TEST_F(Chain, APairIsBuiltAndRenderedAtEveryLevel) {
   build();
   EXPECT_EQ(files(), "ball.atlas.tif ball.ply ball.rbvh");
