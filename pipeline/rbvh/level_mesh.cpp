@@ -66,13 +66,15 @@ class Surface {
 };
 
 void add_quads(const Level& level, Surface& surface, Patches& patches, LevelMeshCounts& counts) {
-  const std::vector<std::uint8_t> kept = trimmed_quads(level);
+  TrimmedTiles trimmed = trim_tiles(level);
+  patches.of_vertex.assign(trimmed.vertex_texels.size(), 0);
+  patches.gap = std::move(trimmed.vertex_texels);
   constexpr std::uint32_t kNone = 0xffffffffu;
   std::vector<std::uint32_t> vertices;
   std::uint32_t current = kNone;
   for_each_quad(level, [&](std::uint32_t k, std::uint32_t x, std::uint32_t y, std::size_t texel) {
     ++counts.tile_quads;
-    if (kept[texel] == 0) {
+    if (trimmed.quads[texel] == 0) {
       ++counts.trimmed_quads;
       return;
     }
@@ -100,9 +102,7 @@ void add_quads(const Level& level, Surface& surface, Patches& patches, LevelMesh
 Scan mesh_of_level(const Level& level, LevelMeshCounts& counts) {
   Surface surface(level);
   Patches patches;
-  if (!holds_discs(level)) surface.add_primitives();
-  patches.of_vertex.resize(surface.scan.positions.size(), 0);
-  patches.gap.resize(surface.scan.positions.size(), 0);
+  surface.add_primitives();
   counts.primitive_triangles = surface.scan.triangles.size();
   counts.primitive_open_edges = count_edges(surface.scan).open;
   add_quads(level, surface, patches, counts);

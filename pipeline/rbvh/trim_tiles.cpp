@@ -51,7 +51,8 @@ class Trimmer {
         heights_(level.layers.at(0).texels),
         firsts_(first_primitives(level)),
         tile_of_(level.leaves.size(), kNone),
-        kept_(heights_.size(), 0) {
+        kept_(heights_.size(), 0),
+        gaps_(level.primitives.positions.size(), 0) {
     for (const RbvhNode& node : level.nodes) {
       if (node.count == 0 || firsts_[node.first] != RBVH_NO_LEAF) continue;
       const TileFrame frame(level.leaves[node.first]);
@@ -72,8 +73,8 @@ class Trimmer {
     });
   }
 
-  std::vector<std::uint8_t> run() {
-    if (tiles_.empty()) return std::move(kept_);
+  TrimmedTiles run() {
+    if (tiles_.empty()) return {std::move(kept_), std::move(gaps_)};
     drop_under_primitives();
     TriangleSoup soup;
     for (const Triangle& t : level_.primitives.triangles)
@@ -106,7 +107,7 @@ class Trimmer {
             drop(tiles_[other], point(tiles_[k], quad, j % 2, j / 2), tiles_[k].outside);
       }
     }
-    return std::move(kept_);
+    return {std::move(kept_), std::move(gaps_)};
   }
 
  private:
@@ -166,6 +167,7 @@ class Trimmer {
 
   void drop_under_primitives() {
     const Scan& primitives = level_.primitives;
+    std::vector<std::size_t> covered;
     for (const RbvhPrimitiveLeaf& leaf : level_.primitive_leaves) {
       const std::uint32_t end = leaf.first + level_.leaves[leaf.leaf].primitives;
       Bounds3f box;
@@ -180,10 +182,16 @@ class Trimmer {
         const Vec3f a = primitives.positions[t[0]], b = primitives.positions[t[1]],
                     c = primitives.positions[t[2]];
         const auto facing = static_cast<Vec3d>(normalized(cross(b - a, c - a)));
-        for (const Vec3f p : {a, b, c, (a + b + c) * (1.0f / 3)})
-          for (const std::uint32_t k : near) drop(tiles_[k], p, facing);
+        const Vec3f points[4] = {a, b, c, (a + b + c) * (1.0f / 3)};
+        for (std::size_t j = 0; j < 4; ++j)
+          for (const std::uint32_t k : near)
+            if (const auto texel = find_quad(tiles_[k], points[j], facing)) {
+              covered.push_back(*texel);
+              if (j < 3) gaps_[t[j]] = std::max(gaps_[t[j]], static_cast<float>(tiles_[k].texel));
+            }
       }
     }
+    for (const std::size_t texel : covered) kept_[texel] = 0;
   }
 
   static bool is_on(const ClosestPoint& primitives, const TriangleSoup& soup, const PlacedTile& tile,
@@ -203,11 +211,12 @@ class Trimmer {
   std::vector<PlacedTile> tiles_;  ///< by leaf
   std::vector<std::vector<Quad>> quads_;
   std::vector<std::uint8_t> kept_;
+  std::vector<float> gaps_;
   float reach_ = 0;  ///< how far a tile may extend past its box
 };
 
 }  // namespace
 
-std::vector<std::uint8_t> trimmed_quads(const Level& level) { return Trimmer(level).run(); }
+TrimmedTiles trim_tiles(const Level& level) { return Trimmer(level).run(); }
 
 }  // namespace rbvh

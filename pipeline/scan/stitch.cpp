@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 #include <queue>
+#include <set>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -13,9 +14,13 @@ namespace {
 
 /// Vertices closer than this part of a gap are one.
 constexpr float kWeld = 0.3f;
-/// The longest edge across a gap, in gaps, and the longest way around a hole that is closed at the end.
-constexpr float kLongestEdge = 3, kLongestLoop = 24;
-constexpr std::size_t kMostLoopEdges = 64;
+/// The longest edge across a gap, in gaps.
+constexpr float kLongestEdge = 3;
+/// Holes that are closed at the end: twice their area over the way around them, which is the width of a slit
+/// and the radius of a circle, in gaps; the longest way around one that is folded over, in gaps; and their
+/// edges.
+constexpr float kWidestHole = 2, kFoldedHole = 6;
+constexpr std::size_t kMostLoopEdges = 256;
 /// The cosine between a new triangle's normal and those of its vertices.
 constexpr float kSameSide = 0.2f;
 
@@ -84,20 +89,26 @@ Vec3f normal_of(const Scan& mesh, std::uint32_t a, std::uint32_t b, std::uint32_
   return normalized(cross(mesh.positions[b] - p, mesh.positions[c] - p));
 }
 
-/// Drops triangles without area, and of several at one edge, going the same way, all but the first.
-void drop_repeated(Scan& mesh, StitchCounts& counts) {
+/// Drops triangles without area, those that are there twice, and of several at one edge, going the same way,
+/// all but the first, unless they came with their patch.
+void drop_repeated(Scan& mesh, const Patches& patches, StitchCounts& counts) {
   std::unordered_set<Edge> repeated;
   const std::vector<Edge> edges = sorted_edges(mesh.triangles);
   for (std::size_t i = 1; i < edges.size(); ++i)
     if (edges[i] == edges[i - 1]) repeated.insert(edges[i]);
   std::unordered_set<Edge> seen;
+  std::set<Triangle> kept;
   const std::size_t before = mesh.triangles.size();
   std::erase_if(mesh.triangles, [&](const Triangle& t) {
     if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) return true;
     const Edge own[3] = {edge(t[0], t[1]), edge(t[1], t[2]), edge(t[2], t[0])};
-    if (std::any_of(own, own + 3, [&](Edge e) { return seen.contains(e); })) return true;
-    for (const Edge e : own)
-      if (repeated.contains(e)) seen.insert(e);
+    if (std::none_of(own, own + 3, [&](Edge e) { return repeated.contains(e); })) return false;
+    Triangle turned = t;
+    std::rotate(turned.begin(), std::min_element(turned.begin(), turned.end()), turned.end());
+    if (!kept.insert(turned).second) return true;
+    const bool is_complete = patches.gap[t[0]] == 0 && patches.gap[t[1]] == 0 && patches.gap[t[2]] == 0;
+    if (!is_complete && std::any_of(own, own + 3, [&](Edge e) { return seen.contains(e); })) return true;
+    seen.insert(own, own + 3);
     return false;
   });
   counts.dropped_triangles += before - mesh.triangles.size();
@@ -288,42 +299,53 @@ class Stitcher {
     return {};
   }
 
-  /// Closes small holes that are left: ear by ear, the smallest first.
+  /// Closes narrow holes that are left. Holes may touch at a vertex: the way around them is cut into loops.
   void close_loops() {
     std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> next;
+    std::vector<Edge> starts;
     for (const Edge e : listed_)
-      if (is_open(e)) next[from(e)].push_back(to(e));
-    const std::vector<Edge> starts = listed_;
-    for (const Edge start : starts) {
-      if (!is_open(start)) continue;
-      std::vector<std::uint32_t> loop;
-      float way = 0, gap = 0;
-      std::uint32_t v = from(start), n = to(start);
-      bool is_whole = false;
-      std::unordered_set<std::uint32_t> visited;
-      while (loop.size() < kMostLoopEdges && visited.insert(v).second) {
-        loop.push_back(v);
-        gap = std::max(gap, patches_.gap[v]);
-        way += length(at(n) - at(v));
-        v = n;
-        if (v == from(start)) {
-          is_whole = true;
-          break;
-        }
-        const auto found = next.find(v);
-        if (found == next.end()) break;
-        const auto on = std::find_if(found->second.begin(), found->second.end(),
-                                     [&](std::uint32_t w) { return is_open(edge(v, w)); });
-        if (on == found->second.end()) break;
-        n = *on;
+      if (is_open(e)) {
+        next[from(e)].push_back(to(e));
+        starts.push_back(e);
       }
-      if (is_whole && loop.size() >= 3 && way <= kLongestLoop * gap) close_loop(loop);
+    for (const Triangle& t : mesh_.triangles)
+      for (std::size_t c = 0; c < 3; ++c)
+        if (const Edge e = edge(t[(c + 1) % 3], t[c]); is_open(e)) opposite_[e] = t[(c + 2) % 3];
+    for (const Edge start : starts) {
+      std::vector<std::uint32_t> path = {from(start)};
+      std::unordered_map<std::uint32_t, std::size_t> place = {{from(start), 0}};
+      while (!path.empty()) {
+        std::vector<std::uint32_t>& ways = next[path.back()];
+        if (ways.empty()) {
+          place.erase(path.back());
+          path.pop_back();
+          continue;
+        }
+        const std::uint32_t v = ways.back();
+        ways.pop_back();
+        const auto [before, is_new] = place.try_emplace(v, path.size());
+        if (is_new) {
+          path.push_back(v);
+          continue;
+        }
+        const auto first = path.begin() + static_cast<std::ptrdiff_t>(before->second);
+        const std::vector<std::uint32_t> loop(first, path.end());
+        for (std::size_t i = before->second + 1; i < path.size(); ++i) place.erase(path[i]);
+        path.erase(first + 1, path.end());
+        if (loop.size() >= 3 && loop.size() <= kMostLoopEdges) close_loop(loop);
+      }
     }
   }
 
+  /// Ear by ear, the smallest first.
   void close_loop(std::vector<std::uint32_t> loop) {
+    const std::vector<std::uint32_t> outline = loop;
     std::vector<Triangle> ears;
-    float facing = 0;
+    float way = 0, gap = 0, area = 0, facing = 0;
+    for (std::size_t i = 0; i < loop.size(); ++i) {
+      way += length(at(loop[(i + 1) % loop.size()]) - at(loop[i]));
+      gap = std::max(gap, patches_.gap[loop[i]]);
+    }
     while (loop.size() >= 3) {
       std::size_t best = loop.size();
       float best_size = std::numeric_limits<float>::infinity();
@@ -343,13 +365,14 @@ class Stitcher {
       if (best == loop.size()) return;
       const Triangle& ear = ears.emplace_back(
           Triangle{loop[(best + loop.size() - 1) % loop.size()], loop[best], loop[(best + 1) % loop.size()]});
-      const Vec3f p = at(ear[0]);
-      facing += dot(cross(at(ear[1]) - p, at(ear[2]) - p),
-                    mesh_.normals[ear[0]] + mesh_.normals[ear[1]] + mesh_.normals[ear[2]]);
+      const Vec3f p = at(ear[0]), n = cross(at(ear[1]) - p, at(ear[2]) - p) * 0.5f;
+      area += length(n);
+      facing += dot(n, normalized(mesh_.normals[ear[0]] + mesh_.normals[ear[1]] + mesh_.normals[ear[2]]));
       if (loop.size() == 3) break;
       loop.erase(loop.begin() + static_cast<std::ptrdiff_t>(best));
     }
-    if (!(facing > 0)) return;  // it goes around a patch, not a hole
+    if (2 * area > kWidestHole * gap * way) return;
+    if (!(facing > 0) && (way > kFoldedHole * gap || is_patch(outline))) return;
     for (const Triangle& t : ears) {
       mesh_.triangles.push_back(t);
       for (std::size_t c = 0; c < 3; ++c) {
@@ -360,15 +383,25 @@ class Stitcher {
     }
   }
 
+  /// Whether the loop goes around a few triangles, all of whose corners are in it.
+  bool is_patch(const std::vector<std::uint32_t>& loop) const {
+    for (std::size_t i = 0; i < loop.size(); ++i) {
+      const std::uint32_t third = opposite_.at(edge(loop[i], loop[(i + 1) % loop.size()]));
+      if (std::find(loop.begin(), loop.end(), third) == loop.end()) return false;
+    }
+    return true;
+  }
+
   Scan& mesh_;
   const Patches& patches_;
   float reach_;
   Grid vertices_, edges_;
-  std::vector<Edge> sorted_;                      ///< of the triangles that came in
-  std::unordered_set<Edge> taken_;                ///< of those that were added
-  std::unordered_set<Edge> open_;                 ///< that a further triangle could have
-  std::vector<Edge> listed_;                      ///< all that ever were open
-  std::unordered_map<std::uint32_t, int> holes_;  ///< open edges at a vertex
+  std::vector<Edge> sorted_;                          ///< of the triangles that came in
+  std::unordered_set<Edge> taken_;                    ///< of those that were added
+  std::unordered_set<Edge> open_;                     ///< that a further triangle could have
+  std::vector<Edge> listed_;                          ///< all that ever were open
+  std::unordered_map<Edge, std::uint32_t> opposite_;  ///< of an open edge the third corner of its triangle
+  std::unordered_map<std::uint32_t, int> holes_;      ///< open edges at a vertex
   std::priority_queue<Candidate> queue_;
 };
 
@@ -397,7 +430,7 @@ void drop_unused(Scan& mesh) {
 StitchCounts stitch(Scan& mesh, const Patches& patches) {
   StitchCounts counts;
   weld(mesh, patches, counts);
-  drop_repeated(mesh, counts);
+  drop_repeated(mesh, patches, counts);
   if (largest(patches.gap) > 0) counts.added_triangles = Stitcher(mesh, patches).run();
   drop_unused(mesh);
   return counts;

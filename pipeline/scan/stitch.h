@@ -9,7 +9,7 @@
 namespace rbvh {
 
 /// Of each vertex the patch that it belongs to, and how far gaps reach there: about the length of the patch's
-/// edges, scan units. 0: of a patch that is complete; two vertices of such are never joined.
+/// edges, scan units. 0: the patch is complete there; such vertices are not joined to each other.
 struct Patches {
   std::vector<std::uint32_t> of_vertex;
   std::vector<float> gap;

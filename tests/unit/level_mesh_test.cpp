@@ -108,7 +108,7 @@ TEST(LevelMesh, TrimmedTilesDoNotOverlap) {
   Scan scan;
   add_plate(scan, 300, 0.1f);
   const Level level = build_level(scan, coarse_tiles());
-  const std::vector<std::uint8_t> kept = trimmed_quads(level);
+  const std::vector<std::uint8_t> kept = trim_tiles(level).quads;
   double area = 0;
   for_each_quad(level, [&](std::uint32_t leaf, std::uint32_t, std::uint32_t, std::size_t texel) {
     const TileFrame frame(level.leaves[leaf]);
