@@ -127,7 +127,7 @@ TEST(PointQuery, FindsNothingAwayFromTheSurface) {
 
 TEST(Layers, ReadWhatWasPainted) {
   const Scan scan = ball_and_crossing_sheets();
-  const Level level = build_level(scan, "Q1");
+  Level level = build_level(scan, "Q1");
   const PointIndex index = make_point_index(Device::open(), level);
   const std::vector<Vec3f> points = points_on(scan, 12);
   for (const double scale : {1.0, 2.5, 0.5})
@@ -159,7 +159,7 @@ TEST(Layers, PaintReachesAsFarAsItsRadiusAndOverTileBorders) {
   add_sheet(scan, 40, [](float s, float t) {
     return Vec3f{s, t, 0.05f * std::sin(9 * s) * std::cos(7 * t)};
   });
-  const Level level = build_level(scan, "Q2");
+  Level level = build_level(scan, "Q2");
   ASSERT_GT(level.leaves.size(), 20u);
   const PointIndex index = make_point_index(Device::open(), level);
   Layer layer = make_layer(level, "spot", 1, 1);
@@ -190,7 +190,7 @@ TEST(Layers, PaintReachesAsFarAsItsRadiusAndOverTileBorders) {
 TEST(Layers, OfSeveralPointsTheNearestPaints) {
   Scan scan;
   add_plate(scan, 8, 0);
-  const Level level = build_level(scan, "Q3");
+  Level level = build_level(scan, "Q3");
   const PointIndex index = make_point_index(Device::open(), level);
   Layer layer = make_layer(level, "two", 1, 1);
   const std::vector<Vec3f> points = {{-0.2f, 0, 0}, {0.2f, 0, 0}};

@@ -6,32 +6,18 @@
 #include <cmath>
 
 #include "pipeline/rbvh/texel.h"
+#include "tests/format/random_level.h"
 #include "tests/property.h"
 
 namespace rbvh {
 namespace {
 
-/// A frame with axes along three random directions at right angles.
-void random_frame(Random& random, bool left_handed, float to_tile[12]) {
-  const auto direction = [&] {
-    return normalized(Vec3d{uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1)});
-  };
-  const Vec3d u = direction(), v = normalized(cross(u, direction())), w = cross(u, v) * (left_handed ? -1.0 : 1.0);
-  const double side = round_texel(std::exp(static_cast<double>(uniform(random, -8, 2))));
-  const Vec3d rows[3] = {u * (1 / side), v * (1 / side), w * (256 / side)};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (int axis = 0; axis < 3; ++axis)
-      to_tile[4 * i + static_cast<std::size_t>(axis)] = static_cast<float>(rows[i][axis]);
-    to_tile[4 * i + 3] = uniform(random, -20, 20);
-  }
-}
-
 TEST(LeafRounding, FramesMoveLittleAndOnlyOnce) {
   Random random(property_seed());
   const LeafGrid grid = leaf_grid({{-1, -2, -3}, {3, 2, 1}});
   for (int trial = 0; trial < 2000; ++trial) {
-    RbvhLeaf leaf{}, rounded{}, twice{};
-    random_frame(random, trial % 2 == 0, leaf.to_tile);
+    const RbvhLeaf leaf = random_tile(random, {}, trial % 2 == 0);
+    RbvhLeaf rounded{}, twice{};
     unround_frame(grid, round_frame(grid, leaf.to_tile), rounded.to_tile);
     unround_frame(grid, round_frame(grid, rounded.to_tile), twice.to_tile);
     for (int i = 0; i < 12; ++i) EXPECT_EQ(rounded.to_tile[i], twice.to_tile[i]) << trial << " " << i;
@@ -63,7 +49,7 @@ TEST(LeafRounding, BoxesContainWhatTheyRound) {
   for (int trial = 0; trial < 1000; ++trial) {
     Bounds3f box;
     for (int corner = 0; corner < 2; ++corner)
-      box.add({uniform(random, 100, 101), uniform(random, 200, 203), uniform(random, 300, 302)});
+      box.add(Vec3f{uniform(random, 100, 101), uniform(random, 200, 203), uniform(random, 300, 302)});
     const Bounds3f rounded = unround_box(grid, round_box(grid, box)),
                    twice = unround_box(grid, round_box(grid, rounded));
     EXPECT_EQ(rounded.lo, twice.lo);
@@ -75,6 +61,23 @@ TEST(LeafRounding, BoxesContainWhatTheyRound) {
       EXPECT_GE(rounded.lo[axis], box.lo[axis] - room);
       EXPECT_LE(rounded.hi[axis], box.hi[axis] + room);
     }
+  }
+}
+
+TEST(LeafRounding, TrianglesTurnOnlyOnce) {
+  Random random(property_seed());
+  for (int trial = 0; trial < 500; ++trial) {
+    Scan mesh;
+    mesh.positions.resize(2 + random() % 20);
+    for (std::uint64_t count = random() % 100; count > 0; --count) {
+      const auto any = [&] { return static_cast<std::uint32_t>(random() % mesh.positions.size()); };
+      const Triangle t = {any(), any(), any()};
+      if (t[0] != t[1] && t[1] != t[2] && t[2] != t[0]) mesh.triangles.push_back(t);
+    }
+    rotate_as_stored(mesh);
+    const std::vector<Triangle> once = mesh.triangles;
+    rotate_as_stored(mesh);
+    EXPECT_EQ(mesh.triangles, once);
   }
 }
 
