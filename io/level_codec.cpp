@@ -530,7 +530,9 @@ Bytes encode_triangles(const Scan& primitives) {
   return compress(raw);
 }
 
-void encode_primitives(const Scan& primitives, const Lattice& lattice, LevelStreams& streams) {
+void encode_primitives(const Scan& unrotated, const Lattice& lattice, LevelStreams& streams) {
+  Scan primitives = unrotated;
+  rotate_as_stored(primitives);  // positions and normals follow from the triangles as a reader has them
   streams.positions = encode_positions(primitives, lattice);
   streams.normals = encode_normals(primitives, lattice);
   if (!primitives.colors.empty()) {
@@ -541,7 +543,7 @@ void encode_primitives(const Scan& primitives, const Lattice& lattice, LevelStre
   if (!primitives.radii.empty()) {
     streams.radii = encode_radii(primitives.radii, lattice);
   } else {
-    streams.triangles = encode_triangles(primitives);
+    streams.triangles = encode_triangles(unrotated);
   }
 }
 
@@ -578,9 +580,7 @@ LevelStreams encode_streams(const Level& level, const std::string& path) {
   LevelStreams streams;
   streams.tree = encode_tree(level, path);
   streams.leaves = encode_leaves(level);
-  Scan primitives = level.primitives;
-  rotate_as_stored(primitives);  // positions and normals follow from the triangles as a reader has them
-  if (!primitives.positions.empty()) encode_primitives(primitives, level.lattice, streams);
+  if (!level.primitives.positions.empty()) encode_primitives(level.primitives, level.lattice, streams);
   const std::uint64_t bytes = stream_bytes(streams),
                       least = decoded_bytes(level_counts(level)) / kMaxExpansion + 1;
   if (bytes < least) pad(streams.leaves, least - bytes);

@@ -107,6 +107,8 @@ Rbvh decode_hierarchy_v1(std::span<const std::byte> file, flatbuffers::Verifier&
                          level.primitive_leaves.size() * sizeof(RbvhPrimitiveLeaf) +
                          primitive_count(level) * sizeof(RbvhPrimitive) + layer_tile_bytes(level) +
                          from->atlas_bytes();
+    if (find_layer(level, "color") != nullptr)
+      level.primitives.colors.resize(level.primitives.positions.size());
     if (const char* fault = find_place_fault(level)) refuse(path, fault);
     give_layers_tiles(level);
     // Those of leaves of primitives were counted as well.
@@ -121,7 +123,6 @@ void give_vertices_attributes(Rbvh& rbvh) {
     if (primitives.positions.empty()) continue;
     const Layer *normals = find_layer(level, "normal"), *colors = find_layer(level, "color");
     const std::vector<Vec3f> own = holds_discs(level) ? primitives.normals : vertex_normals(primitives);
-    if (colors != nullptr) primitives.colors.resize(primitives.positions.size());
     for (const RbvhPrimitiveLeaf& of : level.primitive_leaves) {
       const RbvhLeaf& leaf = level.leaves[of.leaf];  // inside the atlas: find_place_fault()
       for (std::uint32_t i = of.first; i < of.first + leaf.primitives; ++i)

@@ -210,6 +210,9 @@ Fault find_level_fault(const Level& level) {
   for (const Layer& layer : level.layers)
     if (layer_kind(layer.name) == LayerKind::kUser && layer.tiles.empty() && !level.primitive_leaves.empty())
       return "layer " + layer.name + " has no place for leaves of primitives";
+  if (find_layer(level, "color") != nullptr &&
+      level.primitives.colors.size() != level.primitives.positions.size())
+    return "has colours, and primitives without colours";
   return {};
 }
 

@@ -59,6 +59,12 @@ std::uint16_t texel_code(double side) {
   return static_cast<std::uint16_t>(std::bit_cast<std::uint32_t>(static_cast<float>(side)) >> kTexelShift);
 }
 
+/// Without the last four bits, as a frame's rows in floats do not have these of its quantum.
+float round_quantum(double quantum) {
+  const auto bits = std::bit_cast<std::uint32_t>(static_cast<float>(quantum));
+  return std::bit_cast<float>((bits + 8) & ~std::uint32_t{15});
+}
+
 double side_of(std::uint16_t code) {
   return static_cast<double>(std::bit_cast<float>(std::uint32_t{code} << kTexelShift));
 }
@@ -121,7 +127,7 @@ RoundedFrame round_frame(const LeafGrid& grid, const float m[12]) {
     frame.corner[static_cast<std::size_t>(axis)] = to_int(std::round(
         (corner[axis] - static_cast<double>(grid.origin[axis])) / static_cast<double>(grid.frame_step)));
   frame.texels = {texel_code((1 + kSideRounding) / lengths[0]), texel_code((1 + kSideRounding) / lengths[1])};
-  frame.quantum = static_cast<float>(1 / lengths[2]);
+  frame.quantum = round_quantum(1 / lengths[2]);
   return frame;
 }
 

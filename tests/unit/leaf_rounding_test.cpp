@@ -4,40 +4,20 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 
 #include "pipeline/rbvh/texel.h"
+#include "tests/format/random_level.h"
 #include "tests/property.h"
 
 namespace rbvh {
 namespace {
 
-float uniform(std::mt19937_64& random, float lo, float hi) {
-  return std::uniform_real_distribution<float>(lo, hi)(random);
-}
-
-/// A frame with axes along three random directions at right angles.
-void random_frame(std::mt19937_64& random, bool left_handed, float to_tile[12]) {
-  const auto direction = [&] {
-    return normalized(Vec3d{uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1)});
-  };
-  const Vec3d u = direction(), v = normalized(cross(u, direction())), w = cross(u, v) * (left_handed ? -1.0 : 1.0);
-  const double side = round_texel(std::exp(static_cast<double>(uniform(random, -8, 2))));
-  const Vec3d rows[3] = {u * (1 / side), v * (1 / side), w * (256 / side)};
-  const Vec3d corner{uniform(random, -1, 3), uniform(random, -2, 2), uniform(random, -3, 1)};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (int axis = 0; axis < 3; ++axis)
-      to_tile[4 * i + static_cast<std::size_t>(axis)] = static_cast<float>(rows[i][axis]);
-    to_tile[4 * i + 3] = static_cast<float>(-dot(rows[i], corner));
-  }
-}
-
 TEST(LeafRounding, FramesMoveLittleAndOnlyOnce) {
-  std::mt19937_64 random(property_seed());
+  Random random(property_seed());
   const LeafGrid grid = leaf_grid({{-1, -2, -3}, {3, 2, 1}});
   for (int trial = 0; trial < 2000; ++trial) {
-    RbvhLeaf leaf{}, rounded{}, twice{};
-    random_frame(random, trial % 2 == 0, leaf.to_tile);
+    const RbvhLeaf leaf = random_tile(random, {}, trial % 2 == 0);
+    RbvhLeaf rounded{}, twice{};
     unround_frame(grid, round_frame(grid, leaf.to_tile), rounded.to_tile);
     unround_frame(grid, round_frame(grid, rounded.to_tile), twice.to_tile);
     for (int i = 0; i < 12; ++i) EXPECT_EQ(rounded.to_tile[i], twice.to_tile[i]) << trial << " " << i;
@@ -52,7 +32,7 @@ TEST(LeafRounding, FramesMoveLittleAndOnlyOnce) {
 }
 
 TEST(LeafRounding, TexelSidesGrowByLessThanHalfAPercent) {
-  std::mt19937_64 random(property_seed());
+  Random random(property_seed());
   for (int trial = 0; trial < 1000; ++trial) {
     const double side = std::exp(static_cast<double>(uniform(random, -30, 30)));
     const double rounded = round_texel(side);
@@ -63,7 +43,7 @@ TEST(LeafRounding, TexelSidesGrowByLessThanHalfAPercent) {
 }
 
 TEST(LeafRounding, BoxesContainWhatTheyRound) {
-  std::mt19937_64 random(property_seed());
+  Random random(property_seed());
   const Bounds3f bounds{{100, 200, 300}, {101, 203, 302}};
   const LeafGrid grid = leaf_grid(bounds);
   for (int trial = 0; trial < 1000; ++trial) {
@@ -81,6 +61,23 @@ TEST(LeafRounding, BoxesContainWhatTheyRound) {
       EXPECT_GE(rounded.lo[axis], box.lo[axis] - room);
       EXPECT_LE(rounded.hi[axis], box.hi[axis] + room);
     }
+  }
+}
+
+TEST(LeafRounding, TrianglesTurnOnlyOnce) {
+  Random random(property_seed());
+  for (int trial = 0; trial < 500; ++trial) {
+    Scan mesh;
+    mesh.positions.resize(2 + random() % 20);
+    for (std::uint64_t count = random() % 100; count > 0; --count) {
+      const auto any = [&] { return static_cast<std::uint32_t>(random() % mesh.positions.size()); };
+      const Triangle t = {any(), any(), any()};
+      if (t[0] != t[1] && t[1] != t[2] && t[2] != t[0]) mesh.triangles.push_back(t);
+    }
+    rotate_as_stored(mesh);
+    const std::vector<Triangle> once = mesh.triangles;
+    rotate_as_stored(mesh);
+    EXPECT_EQ(mesh.triangles, once);
   }
 }
 
