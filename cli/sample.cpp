@@ -8,6 +8,7 @@
 #include "io/output_file.h"
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
+#include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/layer_sampling.h"
 
 namespace rbvh {
@@ -29,6 +30,11 @@ void run_sample(Context& context, const SampleOptions& options) {
   const Asset pair = load(context, options.file);
   const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
   const Layer* layer = find_layer(level, options.layer);
+  Layer normals;  // a level stores none where its surface has them itself
+  if (layer == nullptr && layer_kind(options.layer) == LayerKind::kNormal) {
+    normals = make_normal_layer(level);
+    layer = &normals;
+  }
   if (layer == nullptr) {
     std::string there;
     for (const Layer& each : level.layers) there += (there.empty() ? "" : ", ") + each.name;

@@ -42,10 +42,12 @@ Vec3f height_normal(const Level& level, const RbvhLeaf& leaf, int x, int y) {
                           m[10] - m[2] * along_u - m[6] * along_v});
 }
 
-double normals_apart(const Level& level, const Layer& normals, double degrees) {
-  const auto cosine = static_cast<float>(std::cos(degrees * std::numbers::pi / 180));
+namespace {
+
+/// Calls for each texel of a tile that has a height: its place in the atlas, and the normal of its heights.
+template <class Visit>
+void for_each_normal(const Level& level, Visit&& visit) {
   const std::vector<std::uint32_t> firsts = first_primitives(level);
-  std::size_t texels = 0, apart = 0;
   for (std::size_t k = 0; k < level.leaves.size(); ++k) {
     if (firsts[k] != RBVH_NO_LEAF) continue;
     const RbvhLeaf& leaf = level.leaves[k];
@@ -53,11 +55,27 @@ double normals_apart(const Level& level, const Layer& normals, double degrees) {
       for (int x = 0; x < leaf.width; ++x) {
         const std::size_t at =
             (leaf.y + static_cast<std::size_t>(y)) * level.atlas_width + leaf.x + static_cast<std::size_t>(x);
-        if (level.layers[0].texels[at] == 0 || normals.texels[at] == 0) continue;
-        ++texels;
-        apart += dot(height_normal(level, leaf, x, y), unpack_normal(normals.texels[at])) < cosine;
+        if (level.layers[0].texels[at] != 0) visit(at, height_normal(level, leaf, x, y));
       }
   }
+}
+
+}  // namespace
+
+Layer make_normal_layer(const Level& level) {
+  Layer layer{"normal", 1, std::vector<std::uint16_t>(level.layers[0].texels.size())};
+  for_each_normal(level, [&](std::size_t at, Vec3f normal) { layer.texels[at] = pack_normal(normal); });
+  return layer;
+}
+
+double normals_apart(const Level& level, const Layer& normals, double degrees) {
+  const auto cosine = static_cast<float>(std::cos(degrees * std::numbers::pi / 180));
+  std::size_t texels = 0, apart = 0;
+  for_each_normal(level, [&](std::size_t at, Vec3f normal) {
+    if (normals.texels[at] == 0) return;
+    ++texels;
+    apart += dot(normal, unpack_normal(normals.texels[at])) < cosine;
+  });
   return texels > 0 ? static_cast<double>(apart) / static_cast<double>(texels) : 0;
 }
 

@@ -92,8 +92,7 @@ std::uint64_t write_vertices(Scan& primitives, const std::vector<Claim>& claims,
     const float* value = values.data() + std::size_t{claims[vertex].point} * 3;
     if (!is_finite(Vec3f{value[0], value[1], value[2]})) continue;
     for (std::size_t c = 0; c < 3; ++c)
-      primitives.colors[vertex][c] =
-          static_cast<std::uint8_t>(std::clamp(value[c], 0.0f, 1.0f) * 255 + 0.5f);
+      primitives.colors[vertex][c] = static_cast<std::uint8_t>(std::clamp(value[c], 0.0f, 1.0f) * 255 + 0.5f);
     ++count;
   }
   return count;
@@ -139,9 +138,8 @@ Layer& layer_to_paint(Level& level, const std::string& name, std::size_t width, 
   return level.layers.back();
 }
 
-PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer,
-                        std::span<const Vec3f> points, std::span<const float> values, float radius,
-                        float most) {
+PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer, std::span<const Vec3f> points,
+                        std::span<const float> values, float radius, float most) {
   const std::size_t width = sample_width(layer);
   const LayerKind kind = layer_kind(layer.name);
   RBVH_CHECK(values.size() == points.size() * width &&
@@ -173,8 +171,8 @@ PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer,
         claim_vertices(level, firsts[hit.leaf], hit.leaf, points[i], radius, i, vertex_claims);
     }
   }
-  counts.texels = write_claims(layer, claims, values, width) +
-                  write_vertices(level.primitives, vertex_claims, values);
+  counts.texels =
+      write_claims(layer, claims, values, width) + write_vertices(level.primitives, vertex_claims, values);
   return counts;
 }
 

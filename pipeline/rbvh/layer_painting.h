@@ -25,8 +25,7 @@ Layer& layer_to_paint(Level& level, const std::string& name, std::size_t width, 
 /// that covers a point or whose place on the surface is within `radius` (scan units) of one; of several
 /// points the nearest is written, of equally near ones the last. The layer is "color" or a user's own.
 /// `most`: see covering().
-PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer,
-                        std::span<const Vec3f> points, std::span<const float> values, float radius,
-                        float most);
+PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer, std::span<const Vec3f> points,
+                        std::span<const float> values, float radius, float most);
 
 }  // namespace rbvh

@@ -100,8 +100,8 @@ float add_coverings(const Level& level, const Layer& layer, std::span<const std:
   }
   for (std::size_t k = 0; k < covers.size() && !(weight > 0); ++k)
     if (lies_in_tile(covers[k]))
-      weight += add_quad(level, layer,
-                         nearest_quad(level, layer, covers[k].leaf, covers[k].u, covers[k].v), 1, sum);
+      weight += add_quad(level, layer, nearest_quad(level, layer, covers[k].leaf, covers[k].u, covers[k].v),
+                         1, sum);
   return weight;
 }
 
@@ -124,7 +124,8 @@ std::vector<float> sample_layer(const PointIndex& index, const Level& level, con
     std::vector<double> sum(width);  // of values up to the largest float
     for (std::size_t i = begin; i < end; ++i) {
       std::fill(sum.begin(), sum.end(), 0.0);
-      const float weight = add_coverings(level, layer, firsts, covering(level, hits.of(i), most), points[i], sum);
+      const float weight =
+          add_coverings(level, layer, firsts, covering(level, hits.of(i), most), points[i], sum);
       if (!(weight > 0)) continue;
       float* to = values.data() + i * width;
       for (std::size_t c = 0; c < width; ++c)

@@ -200,8 +200,8 @@ void fit_frame(const Scan& primitives, std::uint32_t first, float texel, RbvhLea
     box.add(primitive_bounds(primitives, i));
   }
   const Vec3f e = box.extent();
-  const double longest = std::max({static_cast<double>(e.x), static_cast<double>(e.y),
-                                   static_cast<double>(e.z), 1e-15});
+  const double longest =
+      std::max({static_cast<double>(e.x), static_cast<double>(e.y), static_cast<double>(e.z), 1e-15});
   if (!(length(w) > 1e-6 * longest * longest))
     w = e.x <= e.y && e.x <= e.z ? Vec3d{1, 0, 0} : e.y <= e.z ? Vec3d{0, 1, 0} : Vec3d{0, 0, 1};
   w = normalized(w);

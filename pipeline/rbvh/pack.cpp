@@ -109,8 +109,8 @@ class PrimitiveVertices {
   std::vector<std::uint32_t> numbers_;
 };
 
-/// Appends the primitives of a leaf; returns their number. Triangles that a lattice leaves without an area go,
-/// as long as one is left.
+/// Appends the primitives of a leaf; returns their number. Triangles that a lattice leaves without an area
+/// go, as long as one is left.
 std::uint32_t add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives, bool has_lattice,
                              PrimitiveVertices& vertices, Scan& to) {
   const std::size_t before = to.triangles.size();
@@ -124,8 +124,7 @@ std::uint32_t add_primitives(const Scan& scan, std::span<const std::uint32_t> pr
     Triangle t = scan.triangles[primitives[k]];
     for (std::uint32_t& corner : t) corner = vertices.add(corner);
     const auto at = [&](std::size_t corner) { return to.positions[t[corner]]; };
-    const bool is_flat =
-        has_lattice && (at(0) == at(1) || at(1) == at(2) || at(2) == at(0));
+    const bool is_flat = has_lattice && (at(0) == at(1) || at(1) == at(2) || at(2) == at(0));
     if (!is_flat || (k + 1 == primitives.size() && to.triangles.size() == before)) to.triangles.push_back(t);
   }
   return static_cast<std::uint32_t>(scan.is_cloud() ? primitives.size() : to.triangles.size() - before);
@@ -143,8 +142,8 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
     Tile& tile = tiles[order[leaf]];
     if (tile.decision != LeafDecision::kPrimitives) continue;
     level.primitive_leaves.push_back({leaf, static_cast<std::uint32_t>(primitive_count(level))});
-    tile.leaf.primitives = add_primitives(scan, of_tile[order[leaf]], level.lattice.step > 0,
-                                          vertices, level.primitives);
+    tile.leaf.primitives =
+        add_primitives(scan, of_tile[order[leaf]], level.lattice.step > 0, vertices, level.primitives);
   }
   if (scan.is_cloud()) return;
   rotate_as_stored(level.primitives);

