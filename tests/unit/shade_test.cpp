@@ -212,7 +212,9 @@ TEST(SampleSurface, ATileIsBilinearBetweenTexelCentres) {
 
 TEST(SampleSurface, PrimitivesHaveTheirVerticesNormalsAndColours) {
   Level level = small_level();
-  level.leaves.push_back({.width = 2, .height = 2, .primitives = 2});
+  level.leaves.emplace_back();
+  level.leaves[1].width = level.leaves[1].height = 2;
+  level.leaves[1].primitives = 2;
   level.primitive_leaves = {{1, 0}};
   level.primitives.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
   level.primitives.normals = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {0, 0, 0}};
