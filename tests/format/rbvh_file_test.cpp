@@ -12,6 +12,9 @@
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/check_rbvh.h"
+#include "pipeline/rbvh/leaf_primitives.h"
+#include "pipeline/rbvh/leaf_rounding.h"
+#include "pipeline/rbvh/texel.h"
 #include "tests/format/pair_test.h"
 #include "tests/format/random_level.h"
 
@@ -183,6 +186,117 @@ TEST_F(RbvhFileTest, Versions) {
   EXPECT_EQ(with_version(kFormatMajor, 0), "");      // the oldest minor
   EXPECT_EQ(with_version(kFormatMajor, 65535), "");  // newer minors only add
   EXPECT_NE(with_version(0, 9), "");
+}
+
+// Pairs written by earlier builds stay readable.
+std::string kept_pair(const std::string& name) { return std::string(RBVH_DATA) + "/pairs/" + name + ".rbvh"; }
+
+TEST_F(RbvhFileTest, FirstVersionStillLoads) {
+  expect_equal(make_small_rbvh(), read_rbvh(kept_pair("format_1_0")));
+}
+
+// A sheet of tiles, below leaves of loose triangles, coloured; "wear" is the points' z.
+TEST_F(RbvhFileTest, Version12StillLoads) {
+  PairHeader header;
+  const Rbvh rbvh = read_rbvh(kept_pair("format_1_2"), &header);
+  EXPECT_EQ(header.major, 1);
+  EXPECT_EQ(header.minor, 2);
+  ASSERT_EQ(rbvh.levels.size(), 1u);
+  const Level& level = rbvh.levels[0];
+  EXPECT_EQ(level.leaves.size(), 30u);
+  EXPECT_EQ(level.primitive_leaves.size(), 16u);
+  const Layer &heights = level.layers[0], &wear = *find_layer(level, "wear");
+  std::uint64_t used = 0;
+  std::size_t alike = 0;
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
+  const Scan& mesh = level.primitives;
+  for (std::size_t i = 0; i < level.leaves.size(); ++i) {
+    const RbvhLeaf& leaf = level.leaves[i];
+    for (std::size_t y = leaf.y; firsts[i] == RBVH_NO_LEAF && y < std::size_t{leaf.y} + leaf.height; ++y)
+      for (std::size_t x = leaf.x; x < std::size_t{leaf.x} + leaf.width; ++x)
+        used += heights.texels[y * level.atlas_width + x] != 0;
+    if (firsts[i] == RBVH_NO_LEAF) continue;
+    for (std::uint32_t k = firsts[i]; k < firsts[i] + leaf.primitives; ++k)
+      for (const std::uint32_t vertex : mesh.triangles[k]) {
+        // The sheet was z = 0.1 sin 3x cos 2y, of blue 90; the others lie above it, of blue 40. Normals and
+        // colours are those of the nearest texel, which may be another's.
+        const Vec3f p = mesh.positions[vertex];
+        const bool is_sheet = std::abs(p.z - 0.1f * std::sin(3 * p.x) * std::cos(2 * p.y)) < 1e-5f;
+        alike += std::abs(mesh.colors[vertex][2] - (is_sheet ? 90 : 40)) < 5;
+        EXPECT_NEAR(length(mesh.normals[vertex]), 1, 1e-5f);
+      }
+  }
+  EXPECT_GT(alike, mesh.positions.size() * 3 / 4);
+  EXPECT_EQ(mesh.triangles.size(), 50u);
+  EXPECT_GE(level.texels_used, used);
+  ASSERT_EQ(wear.tiles.size(), 30u);
+  EXPECT_EQ(wear.width, level.atlas_width);
+  EXPECT_GT(std::count_if(wear.texels.begin(), wear.texels.end(), [](auto code) { return code != 0; }), 100);
+}
+
+TEST_F(RbvhFileTest, OldPairsAreWrittenAsNewOnes) {
+  for (const char* name : {"format_1_0", "format_1_2", "format_1_2_cloud"}) {
+    Rbvh rbvh = read_rbvh(kept_pair(name));
+    write_rbvh(path("a.rbvh"), rbvh, true);
+    PairHeader header;
+    const Rbvh again = read_rbvh(path("a.rbvh"), &header);
+    EXPECT_EQ(header.major, kFormatMajor);
+    // Discs have radii of 16 bits now, and normals as meshes have them.
+    for (Level& level : rbvh.levels) {
+      if (!holds_discs(level)) continue;
+      for (float& radius : level.primitives.radii) radius = unround_radius(round_radius(radius));
+      for (Vec3f& normal : level.primitives.normals) normal = unpack_normal(pack_normal(normal));
+    }
+    expect_equal(rbvh, again);
+    write_rbvh(path("b.rbvh"), again, true);
+    EXPECT_EQ(read_bytes(path("a.rbvh")), read_bytes(path("b.rbvh"))) << name;
+  }
+}
+
+// Changes the first struct in an old pair that equals `from`.
+template <class T>
+std::function<void(Bytes&)> with_struct(const T& from, const std::function<void(T&)>& change) {
+  return [=](Bytes& bytes) {
+    for (std::size_t at = 0; at + sizeof(T) <= bytes.size(); at += 4)
+      if (std::memcmp(bytes.data() + at, &from, sizeof(T)) == 0) {
+        T to = from;
+        change(to);
+        return put(bytes, at, to);
+      }
+    ADD_FAILURE() << "no such struct";
+  };
+}
+
+TEST_F(RbvhFileTest, HostileOldPairs) {
+  const std::string pair = kept_pair("format_1_2");
+  const Level level = read_rbvh(pair).levels[0];
+  const RbvhPrimitiveLeaf first = level.primitive_leaves[0], second = level.primitive_leaves[1];
+  const auto leaf = [&](const std::function<void(RbvhLeaf&)>& change) {
+    return refusal_of_damaged(pair, with_struct<RbvhLeaf>(level.leaves[first.leaf], change));
+  };
+  EXPECT_EQ(leaf([](RbvhLeaf&) {}), "");
+  // Its texels give the primitives their normals.
+  expect_contains(leaf([](RbvhLeaf& l) { l.x = 65000; }), "beyond the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.y = 65000; }), "beyond the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.width = 65535; }), "beyond the atlas");
+  expect_contains(leaf([](RbvhLeaf& l) { l.height = 0; }), "too small");
+  EXPECT_EQ(leaf([](RbvhLeaf& l) { l.to_tile[3] = 3e38f; }), "");  // far from all texels
+  EXPECT_EQ(leaf([](RbvhLeaf& l) {
+              for (int i = 0; i < 3; ++i) l.to_tile[i] *= 1e15f;
+            }),
+            "");
+  const std::array<RbvhPrimitiveLeaf, 2> two = {first, second};
+  const auto leaves = [&](const std::function<void(std::array<RbvhPrimitiveLeaf, 2>&)>& change) {
+    return refusal_of_damaged(pair, with_struct<std::array<RbvhPrimitiveLeaf, 2>>(two, change));
+  };
+  expect_contains(leaves([](auto& l) { l[0].leaf = 30; }), "not there");
+  expect_contains(leaves([](auto& l) { l[1].leaf = 0xffffffffu; }), "not there");
+  expect_contains(leaves([](auto& l) { l[1].leaf = l[0].leaf; }), "out of order");
+  expect_contains(leaves([](auto& l) { l[1].first = 0xffffffffu; }), "from number 4294967295 on");
+  const RbvhPrimitive shape = primitive_shape(level.primitives, 0);
+  expect_contains(refusal_of_damaged(pair, with_struct<RbvhPrimitive>(
+                                               shape, [](RbvhPrimitive& p) { p.shape[4] = std::nanf(""); })),
+                  "not finite");
 }
 
 // The first fault of the small pair after that.
