@@ -107,10 +107,11 @@ void run_build(Context& context, const BuildOptions& options) {
 
   auto& report = context.report;
   report["device"] = device_json(device.info());
-  report["timings"] = {
-      {"load", load_seconds},           {"build", build_seconds},         {"simplify", timings.simplify}, {"upload", timings.upload},
-      {"partition", timings.partition}, {"rasterize", timings.rasterize}, {"pack", timings.pack},
-      {"layers", layer_seconds},        {"measure", measure_seconds},     {"write", write_seconds}};
+  report["timings"] = {{"load", load_seconds},           {"build", build_seconds},
+                       {"simplify", timings.simplify},   {"upload", timings.upload},
+                       {"partition", timings.partition}, {"rasterize", timings.rasterize},
+                       {"pack", timings.pack},           {"layers", layer_seconds},
+                       {"measure", measure_seconds},     {"write", write_seconds}};
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
   report_pair(context, context.output, bytes, counted(rbvh.levels.size(), "level"));
@@ -127,9 +128,10 @@ void add_build(CLI::App& app, Context& context) {
       kWithOutput | kWithDevice | kWithReport, [&context, options] { run_build(context, *options); });
   stage->add_option("FILE", options->file, "the scan, as ingest writes it (-: standard input)")->required();
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
-  add_parsed(*stage, "--levels-by", options->levels_by, parse_choice<kLevelsBy>, "HOW",
-             "what makes a level: its error (tiles, or simplified triangles where these are better, default) or "
-             "density (the paper's texels alone)");
+  add_parsed(
+      *stage, "--levels-by", options->levels_by, parse_choice<kLevelsBy>, "HOW",
+      "what makes a level: its error (tiles, or simplified triangles where these are better, default) or "
+      "density (the paper's texels alone)");
   add_parsed(*stage, "--refinement", config.refinement, parse_choice<kRefinements>, "HOW",
              "what splits a node: area (projected area, default) or cone (cone of normals)");
   add_parsed(*stage, "--split", config.split, parse_choice<kSplitRules>, "HOW",

@@ -44,8 +44,8 @@ OIIO::ImageSpec make_spec(const Level& level, const Layer& layer) {
   return spec;
 }
 
-/// For each row of each tile but the first, from the last (`adds` false) or the first on: takes away, or adds,
-/// the row above, modulo 65536.
+/// For each row of each tile but the first, from the last (`adds` false) or the first on: takes away, or
+/// adds, the row above, modulo 65536.
 void difference_rows(const Level& level, std::vector<std::uint16_t>& texels, bool adds) {
   const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (std::size_t k = 0; k < level.leaves.size(); ++k) {

@@ -13,8 +13,8 @@
 
 namespace rbvh {
 
-/// Version of the format that write_rbvh() writes. read_rbvh() reads every minor version of this major one and
-/// of 1.
+/// Version of the format that write_rbvh() writes. read_rbvh() reads every minor version of this major one
+/// and of 1.
 inline constexpr std::uint16_t kFormatMajor = 2, kFormatMinor = 0;
 
 /// The atlas that belongs to an .rbvh path: beside it, by stem. While a writer replaces the pair, and where

@@ -20,7 +20,8 @@ struct LevelConfig {
   float rho;          ///< texels for the whole surface
   float alpha;        ///< least projected area over area
   float phi_degrees;  ///< widest half-angle of the cone of normals
-  float error = 0;    ///< between its surface and the scan's, rms, of the scan's diagonal; 0: the density alone decides
+  float error =
+      0;  ///< between its surface and the scan's, rms, of the scan's diagonal; 0: the density alone decides
 };
 
 /// Q0 (finest) to Q4.
@@ -29,7 +30,8 @@ const std::vector<LevelConfig>& standard_levels();
 /// Those of these names (empty: all), finest first in whatever order they are named. Throws Error(kUsage).
 std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names);
 
-/// The same without their errors: the paper's rule alone decides, and all comes from the scan's own primitives.
+/// The same without their errors: the paper's rule alone decides, and all comes from the scan's own
+/// primitives.
 std::vector<LevelConfig> by_density(std::vector<LevelConfig> levels);
 
 /// Quality that varies over the scan (section 3.5 of the paper).

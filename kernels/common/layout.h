@@ -33,8 +33,8 @@ typedef struct RbvhLeaf {
 } RbvhLeaf;
 RBVH_LAYOUT_SIZE(RbvhLeaf, 64);
 
-// A leaf that holds primitives in place of a tile: RbvhLeaf.primitives of the level's, from `first` on. It has
-// a frame and a rectangle of texels for a user's layers, but no place in the level's atlas.
+// A leaf that holds primitives in place of a tile: RbvhLeaf.primitives of the level's, from `first` on. It
+// has a frame and a rectangle of texels for a user's layers, but no place in the level's atlas.
 typedef struct RbvhPrimitiveLeaf {
   rbvh_u32 leaf;
   rbvh_u32 first;

@@ -52,8 +52,9 @@ static inline float disc_distance2(float3 p, float3 center, float radius, float3
 // covering the point.
 __kernel void point_query_find(__global const RbvhNode* nodes, __global const RbvhLeaf* leaves,
                                __global const ushort* heights, uint atlas_width,
-                               __global const uint* first_primitives, __global const RbvhPrimitive* primitives,
-                               uint discs, __global const float* points, uint count, float radius, uint write,
+                               __global const uint* first_primitives,
+                               __global const RbvhPrimitive* primitives, uint discs,
+                               __global const float* points, uint count, float radius, uint write,
                                __global uint* counts, __global const uint* firsts,
                                __global PointHit* hits BOUNDS_ARGUMENT) {
   const uint i = get_global_id(0);

@@ -36,7 +36,8 @@ static ALWAYS_INLINE bool intersect_element_packet(const Tree* tree, uint id, co
 }
 
 DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_element, limit_of)
-DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_element_packet, limit_of_packet)
+DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_element_packet,
+                limit_of_packet)
 
 // A tile is an approximation: rays need not find to the last bit what they find alone.
 static inline bool takes_packet(const Packet* p) { return true; }

@@ -123,9 +123,10 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
       for (std::size_t k = 0; k < 4; ++k) {
         if (!(f.weights[k] > 0)) continue;
         weight += f.weights[k];
-        const Vec3f own = normals ? unpack_normal(normals->texels[f.texels[k]])
-                                  : height_normal(level, level.leaves[hit.leaf], f.x + static_cast<int>(k % 2),
-                                                  f.y + static_cast<int>(k / 2));
+        const Vec3f own = normals
+                              ? unpack_normal(normals->texels[f.texels[k]])
+                              : height_normal(level, level.leaves[hit.leaf], f.x + static_cast<int>(k % 2),
+                                              f.y + static_cast<int>(k / 2));
         normal = normal + own * f.weights[k];
         if (colors) color = color + unpack_color(colors->texels[f.texels[k]]) * f.weights[k];
       }

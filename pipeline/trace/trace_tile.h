@@ -26,8 +26,8 @@ struct TileTracer final : Tracer {
   const Level* level = nullptr;
 
   using Tracer::Tracer;
-  /// t in [tmin, tmax]; of several at the same t the first tile's, else the first primitive's. `steps` counts nodes and grid
-  /// lines.
+  /// t in [tmin, tmax]; of several at the same t the first tile's, else the first primitive's. `steps` counts
+  /// nodes and grid lines.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,

@@ -353,7 +353,9 @@ TEST_F(Detail, PartitionOptionsChangeThePair) {
     EXPECT_NE(read("b.atlas.tif"), read("a.atlas.tif")) << words;
     EXPECT_NE(info("b.rbvh")["build_options"], plain["build_options"]) << words;
   }
-  good("build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --rays coherent --split median --partition device");
+  good(
+      "build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --rays coherent --split median "
+      "--partition device");
   EXPECT_EQ(read("b.rbvh"), read("a.rbvh"));
   EXPECT_EQ(plain["build_options"]["partition"], "device");
   good("build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --partition host");

@@ -227,7 +227,8 @@ TEST(Layers, OfAPropertyFollowItWithoutSeams) {
     const Layer& layer = *find_layer(level, "x");
     EXPECT_EQ(layer.tiles.empty(), scale == 1.0 && level.primitive_leaves.empty());
     const std::vector<float> read = sample_layer(index, level, layer, points, kMost);
-    for (std::size_t i = 0; i < points.size(); ++i) EXPECT_NEAR(read[i], points[i].x, 0.01 / std::min(scale, 1.0)) << scale;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      EXPECT_NEAR(read[i], points[i].x, 0.01 / std::min(scale, 1.0)) << scale;
     const std::vector<float> some = sample_layer(index, level, *find_layer(level, "some"), points, kMost);
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (points[i].x > 0.15f) {

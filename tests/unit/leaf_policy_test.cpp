@@ -210,7 +210,8 @@ TEST(LeafPolicy, UncoveredTrianglesAreExactWhereTheyAreTogether) {
 TEST(LeafPolicy, UncoveredTrianglesAreSplitOffTheirTile) {
   EXPECT_EQ(decide_uncovered(0, 10), LeafDecision::kRasterize);
   EXPECT_EQ(decide_uncovered(1, 10), LeafDecision::kSplit);
-  EXPECT_EQ(decide_uncovered(10, 10), LeafDecision::kPrimitives) << "all of them: there is nothing to split off";
+  EXPECT_EQ(decide_uncovered(10, 10), LeafDecision::kPrimitives)
+      << "all of them: there is nothing to split off";
   EXPECT_EQ(decide_uncovered(65, 65), LeafDecision::kRasterize) << "too many for a leaf";
 }
 

@@ -71,9 +71,8 @@ TEST(Simplify, SmallComponentsStay) {
   const Scan fewer = simplify(scan, 0.5f);
   EXPECT_LT(fewer.triangles.size(), large / 2);
   const auto has_near = [&](float x) {
-    return std::any_of(fewer.triangles.begin(), fewer.triangles.end(), [&](const Triangle& t) {
-      return std::abs(fewer.positions[t[0]].x - x) < 0.1f;
-    });
+    return std::any_of(fewer.triangles.begin(), fewer.triangles.end(),
+                       [&](const Triangle& t) { return std::abs(fewer.positions[t[0]].x - x) < 0.1f; });
   };
   EXPECT_TRUE(has_near(5));
   EXPECT_TRUE(has_near(-5) || has_near(-7));
