@@ -269,7 +269,7 @@ TEST(Layers, StandardOnesAreReadToo) {
     }
   }
   Level painted = level;
-  Layer& color = painted.layers[2];
+  Layer& color = painted.layers.back();
   ASSERT_EQ(color.name, "color");
   paint_layer(index, painted, color, std::vector<Vec3f>{points[0]}, std::vector<float>{0, 1, 0}, 0.02f,
               kMost);
