@@ -156,7 +156,7 @@ void add_build(CLI::App& app, Context& context) {
              "their texels to one of the heights', 0.0625 to 16 (default: 1)")
       ->needs("--layer");
   add_parsed(*stage, "--hybrid", config.hybrid, parse_choice<kHybrids>, "WHEN",
-             "which leaves fall back to exact triangles or discs: off (none), auto (where tiles are faulty "
+             "which leaves hold triangles or discs: off (none), auto (where tiles are faulty "
              "or take more bytes, default), always");
   stage->add_flag(
       "--measure", options->measure,

@@ -89,18 +89,25 @@ std::int32_t unzigzag(std::uint32_t code, std::int32_t before) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(before) + difference);
 }
 
+/// The count behind the values in four bytes: the codec alone pads to groups of 16 and would take a wrong one.
 template <class T>
 Bytes encode_vertices(const std::vector<T>& values) {
   static_assert(sizeof(T) % 4 == 0);
   Bytes raw(meshopt_encodeVertexBufferBound(values.size(), sizeof(T)));
   raw.resize(meshopt_encodeVertexBuffer(raw.data(), raw.size(), values.data(), values.size(), sizeof(T)));
+  for (int byte = 0; byte < 4; ++byte) raw.push_back(static_cast<std::uint8_t>(values.size() >> (8 * byte)));
   return compress(raw);
 }
 
 template <class T>
 bool decode_vertices(const Bytes& packed, std::size_t count, std::vector<T>& values) {
   Bytes raw;
-  if (!decompress(packed, meshopt_encodeVertexBufferBound(count, sizeof(T)), raw)) return false;
+  if (!decompress(packed, meshopt_encodeVertexBufferBound(count, sizeof(T)) + 4, raw) || raw.size() < 4)
+    return false;
+  for (int byte = 3; byte >= 0; --byte) {
+    if (raw.back() != static_cast<std::uint8_t>(count >> (8 * byte))) return false;
+    raw.pop_back();
+  }
   values.resize(count);
   return meshopt_decodeVertexBuffer(values.data(), count, sizeof(T), raw.data(), raw.size()) == 0;
 }

@@ -46,7 +46,7 @@ enum class Refinement { kProjectedArea, kConeOfNormals };
 /// The rays that the pair is mostly traced with: they set the best side of a tile (section 3.4 of the paper).
 enum class RaysKind { kCoherent, kIncoherent };
 
-/// Which leaves fall back to exact primitives. kOff: none. kAuto: leaves of few primitives, where a height
+/// Which leaves hold primitives. kOff: none. kAuto: leaves of few primitives, where a height
 /// field is a poor fit or takes more bytes. kAlways: all; nodes are split until every leaf has few enough.
 enum class Hybrid { kOff, kAuto, kAlways };
 

@@ -16,7 +16,7 @@ constexpr float kFaultFloorTexels = 4;
 /// A node whose parts want texels so different in number is split.
 constexpr float kMostRhoRange = 4;
 
-/// A leaf of no more primitives may fall back to them: where a tile takes more bytes, and where it is faulty.
+/// A leaf of no more primitives may hold them: where a tile takes more bytes, and where it is faulty.
 constexpr std::uint32_t kMostPrimitives = 64, kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
 constexpr std::uint32_t kTexelsPerPrimitive = 11;

@@ -1,5 +1,5 @@
 // The decisions of a build, apart from its work: which nodes become leaves of a level, which leaves are
-// rasterised and which fall back to exact primitives, and how the others are split. Plain facts in, a
+// rasterised and which hold primitives, and how the others are split. Plain facts in, a
 // decision out. tests/unit/leaf_policy_test.cpp shows why each rule is there.
 #pragma once
 

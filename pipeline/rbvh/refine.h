@@ -1,5 +1,5 @@
-// Rasterises the leaves of a level and refines them: a leaf whose tile is a poor fit is split or falls back
-// to exact primitives, until all are good or small.
+// Rasterises the leaves of a level and refines them: a leaf whose tile is a poor fit is split or holds
+// its primitives, until all are good or small.
 #pragma once
 
 #include <vector>

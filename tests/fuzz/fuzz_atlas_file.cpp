@@ -1,4 +1,4 @@
-// Arbitrary atlas bytes under the hierarchy of the small test pair.
+// Arbitrary atlas bytes under the hierarchy of the small test pair, as format 1.x and 2.0 store heights.
 #include <cstdlib>
 
 #include "io/atlas_file.h"
@@ -7,12 +7,14 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const rbvh::Rbvh expected = rbvh::make_small_rbvh();
-  rbvh::Rbvh rbvh = expected;
-  try {
-    rbvh::decode_atlas(std::as_bytes(std::span(data, size)), "fuzz.atlas.tif", rbvh);
-    if (rbvh.levels[0].layers[0].texels.size() != 30) std::abort();
-  } catch (const rbvh::Error& error) {
-    if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
+  for (const auto stored : {rbvh::StoredHeights::kPlain, rbvh::StoredHeights::kDifferences}) {
+    rbvh::Rbvh rbvh = expected;
+    try {
+      rbvh::decode_atlas(std::as_bytes(std::span(data, size)), "fuzz.atlas.tif", stored, rbvh);
+      if (rbvh.levels[0].layers[0].texels.size() != 30) std::abort();
+    } catch (const rbvh::Error& error) {
+      if (error.kind() != rbvh::ErrorKind::kInput) std::abort();
+    }
   }
   return 0;
 }
