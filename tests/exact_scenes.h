@@ -168,4 +168,24 @@ inline std::vector<Ray> exact_rays(Random& random, const Scan& scan, std::size_t
   return rays;
 }
 
+/// Triangles that are a height field nowhere.
+inline Scan thicket(std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  return soup(random, count, 0.15f);
+}
+
+/// A layer of n x n discs that is none either.
+inline Scan noisy_discs(int n, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<float> noise;
+  Scan scan;
+  for (int i = 0; i < n * n; ++i) {
+    const auto place = [&](int k) { return 2.0f * static_cast<float>(k) / static_cast<float>(n) - 1; };
+    scan.positions.push_back({place(i % n), place(i / n), 1.5f / static_cast<float>(n) * noise(random)});
+    scan.normals.push_back(normalized(Vec3f{0.3f * noise(random), 0.3f * noise(random), 1}));
+    scan.radii.push_back(1.6f / static_cast<float>(n));
+  }
+  return scan;
+}
+
 }  // namespace rbvh

@@ -7,6 +7,7 @@
 typedef uint rbvh_u32;
 typedef int rbvh_i32;
 typedef ushort rbvh_u16;
+typedef uchar rbvh_u8;
 #define RBVH_LAYOUT_SIZE(type, bytes)
 #else
 #include <cstddef>
@@ -15,6 +16,7 @@ namespace rbvh {
 typedef std::uint32_t rbvh_u32;
 typedef std::int32_t rbvh_i32;
 typedef std::uint16_t rbvh_u16;
+typedef std::uint8_t rbvh_u8;
 #define RBVH_LAYOUT_SIZE(type, bytes) static_assert(sizeof(type) == bytes)
 #endif
 

@@ -30,6 +30,46 @@ typedef struct PrimitiveBlock {
 } PrimitiveBlock;
 RBVH_LAYOUT_SIZE(PrimitiveBlock, 320);
 
+// Where a level's lattice lies: points origin + k * step, k whole.
+typedef struct LatticePlace {
+  float origin[3];
+  float step;
+} LatticePlace;
+RBVH_LAYOUT_SIZE(LatticePlace, 16);
+
+#define LEAF_BLOCK_WIDTH 16
+
+// Up to 16 triangles over up to 16 vertices, whose positions are origin + (base + vertex) * step of the
+// level's lattice. Unused lanes repeat the last triangle.
+typedef struct LatticeCluster {
+  rbvh_u32 leaf;                     // that holds the triangles
+  rbvh_u32 count;                    // lanes in use
+  rbvh_u8 places[LEAF_BLOCK_WIDTH];  // which of the leaf's each lane is
+  rbvh_i32 base[3];
+  rbvh_u16 vertices[3][LEAF_BLOCK_WIDTH];
+  rbvh_u8 corners[3][LEAF_BLOCK_WIDTH];
+} LatticeCluster;
+RBVH_LAYOUT_SIZE(LatticeCluster, 180);
+
+// The same with any vertices.
+typedef struct FloatCluster {
+  rbvh_u32 leaf;
+  rbvh_u32 count;
+  rbvh_u8 places[LEAF_BLOCK_WIDTH];
+  float vertices[3][LEAF_BLOCK_WIDTH];
+  rbvh_u8 corners[3][LEAF_BLOCK_WIDTH];
+} FloatCluster;
+RBVH_LAYOUT_SIZE(FloatCluster, 264);
+
+// Up to 16 discs: centre, unit normal, radius. Unused lanes are NaN.
+typedef struct DiscBlock {
+  rbvh_u32 leaf;
+  rbvh_u32 count;
+  rbvh_u8 places[LEAF_BLOCK_WIDTH];
+  float rows[7][LEAF_BLOCK_WIDTH];
+} DiscBlock;
+RBVH_LAYOUT_SIZE(DiscBlock, 472);
+
 // --- bvh-stack, bvh-trail, bvh-parent
 // A triangle that is tested alone. In a BVH a leaf's triangles lie one behind the other, the last one marked.
 typedef struct BvhTriangle {

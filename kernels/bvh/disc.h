@@ -15,6 +15,7 @@
   }
 
 DEFINE_INTERSECT_DISC(intersect_discs8, float8, float, float8, int8)          // 1 ray, 8 discs
+DEFINE_INTERSECT_DISC(intersect_discs16, float16, float, float16, int16)      // 1 ray, 16 discs
 DEFINE_INTERSECT_DISC(intersect_disc_packet, float, float16, float16, int16)  // 16 rays, 1 disc
 
 // Two unit vectors across a unit normal (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017).

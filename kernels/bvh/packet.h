@@ -12,6 +12,20 @@ typedef struct Found16 {
   uint16 id, at;
 } Found16;
 
+// The same, to be read by lane.
+typedef struct FoundLanes {
+  float t[16], u[16], v[16];
+  uint id[16], at[16];
+} FoundLanes;
+
+static ALWAYS_INLINE void store_lanes(const Found16* found, FoundLanes* lanes) {
+  vstore16(found->t, 0, lanes->t);
+  vstore16(found->u, 0, lanes->u);
+  vstore16(found->v, 0, lanes->v);
+  vstore16(found->id, 0, lanes->id);
+  vstore16(found->at, 0, lanes->at);
+}
+
 static inline void find_nothing(Found16* found) {
   found->t = FLT_MAX;
   found->u = found->v = 0.0f;
@@ -31,6 +45,8 @@ static ALWAYS_INLINE int16 is_nearer_packet(float16 t, uint id, const Found16* f
 typedef struct PacketShear {
   uint kx, ky, kz;
   float16 sx, sy, sz;
+  float side;          // -1 or 1: the rays' way along kz; 0: both ways
+  float lo[2], hi[2];  // the rays' window at distance 1 along kz, widened by what floats round
 } PacketShear;
 
 typedef struct Packet {
@@ -50,6 +66,13 @@ static ALWAYS_INLINE PacketShear shear_packet(const float16* d) {
   s.sx = d[s.kx] / d[s.kz];
   s.sy = d[s.ky] / d[s.kz];
   s.sz = 1.0f / d[s.kz];
+  s.side = least(d[s.kz]) > 0.0f ? 1.0f : greatest(d[s.kz]) < 0.0f ? -1.0f : 0.0f;
+  const float4 window = (float4)(least(s.sx), least(s.sy), greatest(s.sx), greatest(s.sy));
+  const float4 margin = 2e-6f * (1.0f + fabs(window));
+  s.lo[0] = window.x - margin.x;
+  s.lo[1] = window.y - margin.y;
+  s.hi[0] = window.z + margin.z;
+  s.hi[1] = window.w + margin.w;
   return s;
 }
 
@@ -97,6 +120,18 @@ static ALWAYS_INLINE void prepare_bounds(Packet* p, const BvhRoot* scene) {
       b->far_offset[axis][k] = mixed ? FLT_MAX : -(p->origin[axis] - outwards) * b->inverse[axis][k];
     }
   }
+}
+
+// Whether any of the rays may enter the box of everything: most of a picture is often empty.
+static ALWAYS_INLINE bool enters_scene(const Packet* p, const BvhRoot* scene) {
+  const float planes[6] = {scene->lo[0], scene->lo[1], scene->lo[2],
+                           scene->hi[0], scene->hi[1], scene->hi[2]};
+  const PacketBounds* b = &p->bounds;
+  float enter = b->tmin, leave = FLT_MAX;
+#define LOAD(row) planes[row]
+  PACKET_INTERVAL(float, LOAD, b, b->inverse, b->near_offset, b->far_offset, enter, leave)
+#undef LOAD
+  return enter <= leave;
 }
 
 // The rays of a square of 4 x 4 pixels. False where they can hit nothing.

@@ -6,6 +6,9 @@
 #include "kernels/bvh/ray_query.h"
 #include "kernels/common/lanes.h"
 
+// A fused product would differ from the one that the neighbouring triangle has.
+#pragma OPENCL FP_CONTRACT OFF
+
 #ifdef cl_khr_fp64
 // Products of floats are exact in double: now a zero is a zero. Only in lanes where there was one, or hits
 // would depend on who else is tested.
@@ -22,32 +25,64 @@
 #define RESOLVE_ZEROS(F, I, N, LANES)
 #endif
 
-// Defines  I NAME(a, b, c, sx, sy, sz, t, v, w, area): the lanes in which the line hits the triangle, at t,
-// with v / area and w / area as the weights of b and c. a, b, c: the corners seen from the origin, along kx,
-// ky, kz. u, v, w: twice the signed areas of the triangle's parts opposite a, b and c, seen along the ray. P:
-// a corner's type, D: a ray's, F: the wider of the two; I, N, LANES: F's comparison, suffix and lanes.
-#define DEFINE_INTERSECT_TRIANGLE(NAME, P, D, F, I, N, LANES)                                       \
-  static ALWAYS_INLINE I NAME(const P* a, const P* b, const P* c, D sx, D sy, D sz, F* t, F* v_out, \
-                              F* w_out, F* area_out) {                                              \
-    const F ax = a[0] - sx * a[2], ay = a[1] - sy * a[2];                                           \
-    const F bx = b[0] - sx * b[2], by = b[1] - sy * b[2];                                           \
-    const F cx = c[0] - sx * c[2], cy = c[1] - sy * c[2];                                           \
-    F u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;                          \
-    RESOLVE_ZEROS(F, I, N, LANES)                                                                   \
-    const F area = u + v + w;                                                                       \
-    const I inside =                                                                                \
-        (((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f))) &   \
-        (area != 0.0f);                                                                             \
-    if (lane_bits##LANES(inside) == 0) return inside;                                               \
-    *t = (u * (sz * a[2]) + v * (sz * b[2]) + w * (sz * c[2])) / area;                              \
-    *v_out = v;                                                                                     \
-    *w_out = w;                                                                                     \
-    *area_out = area;                                                                               \
-    return inside;                                                                                  \
+// The areas of a triangle's parts, seen along the ray: twice those opposite a, b and c, signed, and the sum.
+#define DEFINE_TRIANGLE_AREAS(NAME, F, I, N, LANES)                                                  \
+  typedef struct NAME {                                                                              \
+    F u, v, w, sum;                                                                                  \
+  } NAME;                                                                                            \
+  /* Of sheared corners; returns the lanes in which the line passes through the triangle. */         \
+  static ALWAYS_INLINE I triangle_areas##LANES(F ax, F ay, F bx, F by, F cx, F cy, NAME* areas) {    \
+    F u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;                           \
+    RESOLVE_ZEROS(F, I, N, LANES)                                                                    \
+    const F sum = u + v + w;                                                                         \
+    *areas = (NAME){u, v, w, sum};                                                                   \
+    return (((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f))) & \
+           (sum != 0.0f);                                                                            \
   }
 
-DEFINE_INTERSECT_TRIANGLE(intersect_corners, float, float, float, int, , 1)       // 1 ray, 1 triangle
-DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, int8, 8, 8)  // 1 ray, 8 triangles
-DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, int16, 16,
+DEFINE_TRIANGLE_AREAS(Areas1, float, int, , 1)
+DEFINE_TRIANGLE_AREAS(Areas8, float8, int8, 8, 8)
+DEFINE_TRIANGLE_AREAS(Areas16, float16, int16, 16, 16)
+
+// Defines  I NAME(a, b, c, sx, sy, sz, t, v, w, area): the lanes in which the line hits the triangle, at t,
+// with v / area and w / area as the weights of b and c. a, b, c: the corners seen from the origin, along kx,
+// ky, kz. P: a corner's type, D: a ray's, F: the wider of the two; I, LANES: F's comparison and lanes.
+#define DEFINE_INTERSECT_TRIANGLE(NAME, P, D, F, I, LANES)                                                \
+  static ALWAYS_INLINE I NAME(const P* a, const P* b, const P* c, D sx, D sy, D sz, F* t, F* v, F* w,     \
+                              F* area) {                                                                  \
+    Areas##LANES areas;                                                                                   \
+    const I inside = triangle_areas##LANES(a[0] - sx * a[2], a[1] - sy * a[2], b[0] - sx * b[2],          \
+                                           b[1] - sy * b[2], c[0] - sx * c[2], c[1] - sy * c[2], &areas); \
+    if (lane_bits##LANES(inside) == 0) return inside;                                                     \
+    *t = (areas.u * (sz * a[2]) + areas.v * (sz * b[2]) + areas.w * (sz * c[2])) / areas.sum;             \
+    *v = areas.v;                                                                                         \
+    *w = areas.w;                                                                                         \
+    *area = areas.sum;                                                                                    \
+    return inside;                                                                                        \
+  }
+
+DEFINE_INTERSECT_TRIANGLE(intersect_corners, float, float, float, int, 1)      // 1 ray, 1 triangle
+DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, int8, 8)  // 1 ray, 8 triangles
+DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, int16,
                           16)  // 16 rays, 1 triangle
+
+// triangle_normal() of 16 triangles, a coordinate a vector.
+static ALWAYS_INLINE void triangle_normals16(const float16* a, const float16* b, const float16* c,
+                                             float16* n) {
+  float16 ab[3], ac[3], e = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    ab[axis] = b[axis] - a[axis];
+    ac[axis] = c[axis] - a[axis];
+    e = max(e, max(fabs(ab[axis]), fabs(ac[axis])));
+  }
+  const float16 scale = 1.0f / e;
+  for (uint axis = 0; axis < 3; ++axis) {
+    ab[axis] *= scale;
+    ac[axis] *= scale;
+  }
+  for (uint axis = 0; axis < 3; ++axis)
+    n[axis] = ab[(axis + 1) % 3] * ac[(axis + 2) % 3] - ab[(axis + 2) % 3] * ac[(axis + 1) % 3];
+  const float16 inverse_length = 1.0f / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse_length;
+}
 #endif

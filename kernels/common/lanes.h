@@ -25,7 +25,15 @@ static inline int16 gather16(__global const ushort* from, int16 at) {
 static inline float16 gather_floats16(__global const float* from, int16 at) {
   return __builtin_ia32_gathersiv16sf((float16)(0), (const void*)(size_t)from, at, (ushort)0xffff, 4);
 }
+// Lane i is lane at[i] of `from`, for at[i] from 0 to 15.
+static inline float16 permute16(float16 from, int16 at) { return __builtin_ia32_permvarsf512(from, at); }
 #else
+static inline float16 permute16(float16 from, int16 at) {
+  float f[16];
+  vstore16(from, 0, f);
+  return (float16)(f[at.s0], f[at.s1], f[at.s2], f[at.s3], f[at.s4], f[at.s5], f[at.s6], f[at.s7], f[at.s8],
+                   f[at.s9], f[at.sa], f[at.sb], f[at.sc], f[at.sd], f[at.se], f[at.sf]);
+}
 static inline float16 gather_floats16(__global const float* from, int16 at) {
   return (float16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6],
                    from[at.s7], from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd],

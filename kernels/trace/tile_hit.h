@@ -1,9 +1,8 @@
 // From what was found on a tile to a hit: the place on the tile and the geometric normal.
 #ifndef RBVH_TILE_HIT_H
 #define RBVH_TILE_HIT_H
-#include "kernels/bvh/primitive_block.h"
 #include "kernels/common/no_hit.h"
-#include "kernels/trace/tile_tree.h"
+#include "kernels/trace/leaf_block.h"
 
 #pragma OPENCL FP_CONTRACT ON
 
@@ -24,6 +23,12 @@ static ALWAYS_INLINE float2 height_slope(const Tree* tree, __global const RbvhTi
   return (float2)(isnan(du) ? 0.0f : du, isnan(dv) ? 0.0f : dv);
 }
 
+static ALWAYS_INLINE void name_primitive(const Tree* tree, uint at, Hit* h) {
+  __global const LeafBlock* block = tree->blocks + at / LEAF_BLOCK_WIDTH;
+  h->leaf = block->leaf;
+  h->flags = RBVH_HIT_TRIANGLE_LEAF | ((uint)block->places[at % LEAF_BLOCK_WIDTH] << RBVH_HIT_PRIMITIVE);
+}
+
 static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
   Hit h = no_hit();
   if (found->id == RBVH_NO_LEAF) return h;
@@ -42,18 +47,15 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
     h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
     h.leaf = tile->leaf;
   } else {
-    const uint primitive = found->id - tree->tile_count;
-    if (!IN_BOUNDS(tree->bounds, LEAF_OF, primitive, 1)) return h;
-    n = unit_normal(tree->blocks, found->at);
+    n = unit_normal(tree, found->at);
 #ifdef DISCS
-    const float2 place = place_on_disc(tree->blocks, found->at, origin, d, found->t);
+    const float2 place = place_on_disc(tree, found->at, origin, d, found->t);
 #else
     const float2 place = (float2)(found->u, found->v);
 #endif
     h.u = place.x;
     h.v = place.y;
-    h.leaf = tree->leaf_of[primitive];
-    h.flags = RBVH_HIT_TRIANGLE_LEAF | ((uint)tree->place_of[primitive] << RBVH_HIT_PRIMITIVE);
+    name_primitive(tree, found->at, &h);
   }
   h.t = found->t;
   h.normal[0] = n.x;
@@ -63,29 +65,57 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
   return h;
 }
 
-// What a packet found, by ray.
-typedef struct HitLanes {
-  float origin[3], d[3][16], t[16], u[16], v[16];
-  uint id[16], at[16];
-} HitLanes;
-
-static ALWAYS_INLINE void make_lanes(const Tree* tree, const Found16* found, const Packet* p,
-                                     HitLanes* lanes) {
-  for (uint axis = 0; axis < 3; ++axis) {
-    lanes->origin[axis] = p->origin[axis];
-    vstore16(p->d[axis], 0, lanes->d[axis]);
-  }
-  vstore16(found->t, 0, lanes->t);
-  vstore16(found->u, 0, lanes->u);
-  vstore16(found->v, 0, lanes->v);
-  vstore16(found->id, 0, lanes->id);
-  vstore16(found->at, 0, lanes->at);
+static ALWAYS_INLINE bool is_primitive(const Tree* tree, uint id) {
+  return id >= tree->tile_count && id != RBVH_NO_LEAF;
 }
 
-static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const HitLanes* l, uint i) {
-  const Ray ray = {
-      {l->origin[0], l->origin[1], l->origin[2]}, 0.0f, {l->d[0][i], l->d[1][i], l->d[2][i]}, INFINITY};
-  const Found found = {l->t[i], l->u[i], l->v[i], l->id[i], l->at[i]};
-  return make_hit(tree, &found, &ray);
+// What make_hit() computes, for 16 rays at once, as far as they hit triangles.
+typedef struct HitLanes {
+  float normal[3][16];
+  uint back;  // as bits
+} HitLanes;
+
+static ALWAYS_INLINE void make_lanes(const Tree* tree, const FoundLanes* found, const float16* d,
+                                     HitLanes* lanes) {
+#ifndef DISCS
+  float corners[3][3][16];
+  bool any = false;
+  for (uint i = 0; i < 16; ++i) {
+    if (!is_primitive(tree, found->id[i])) continue;
+    any = true;
+    __global const LeafBlock* b = tree->blocks + found->at[i] / LEAF_BLOCK_WIDTH;
+    for (uint k = 0; k < 3; ++k) {
+      const float3 corner = block_vertex(tree, b, b->corners[k][found->at[i] % LEAF_BLOCK_WIDTH]);
+      corners[k][0][i] = corner.x;
+      corners[k][1][i] = corner.y;
+      corners[k][2][i] = corner.z;
+    }
+  }
+  if (!any) return;
+  float16 c[3][3], n[3];
+  for (uint k = 0; k < 3; ++k)
+    for (uint axis = 0; axis < 3; ++axis) c[k][axis] = vload16(0, corners[k][axis]);
+  triangle_normals16(c[0], c[1], c[2], n);
+  for (uint axis = 0; axis < 3; ++axis) vstore16(n[axis], 0, lanes->normal[axis]);
+  lanes->back = lane_bits16(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0f);
+#endif
+}
+
+static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const FoundLanes* found, const HitLanes* l, uint i,
+                                  const Ray* ray) {
+#ifndef DISCS
+  if (is_primitive(tree, found->id[i])) {
+    Hit h;
+    h.t = found->t[i];
+    for (uint axis = 0; axis < 3; ++axis) h.normal[axis] = l->normal[axis][i];
+    h.u = found->u[i];
+    h.v = found->v[i];
+    name_primitive(tree, found->at[i], &h);
+    if (l->back >> i & 1) h.flags |= RBVH_HIT_BACK_FACE;
+    return h;
+  }
+#endif
+  const Found alone = {found->t[i], found->u[i], found->v[i], found->id[i], found->at[i]};
+  return make_hit(tree, &alone, ray);
 }
 #endif

@@ -1,9 +1,7 @@
 // Ray casting a level of a pair (Novak & Dachsbacher 2012, section 5): a wide hierarchy over its tiles, a
-// march over a tile's height field, a refined hit. Leaves that fell back to exact primitives hold blocks of
-// them: triangles or, with -DDISCS, discs.
+// march over a tile's height field, a refined hit. Leaves that hold primitives are blocks of them.
 //
 // STACK: entries that any ray can need.
-#include "kernels/bvh/primitive_block.h"
 #include "kernels/bvh/wide_traverse.h"
 #include "kernels/trace/march_packet.h"
 #include "kernels/trace/march_ray.h"
@@ -19,7 +17,7 @@ static ALWAYS_INLINE bool intersect_element(const Tree* tree, uint id, const Que
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return false;
   ++visited->y;
   const Query own = *q;  // its fields are read by number here: the traversal's stay in registers
-  return intersect_block(tree->blocks, block, &own, found);
+  return intersect_block(tree, block, &own, found);
 }
 
 static ALWAYS_INLINE bool intersect_element_packet(const Tree* tree, uint id, const Packet* p, uint any,
@@ -31,8 +29,7 @@ static ALWAYS_INLINE bool intersect_element_packet(const Tree* tree, uint id, co
   const uint block = id - tree->tile_count;
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return false;
   ++visited->y;
-  const PacketShear shear = shear_packet(p->d);
-  return intersect_block_packet(tree->blocks, block, p, &shear, limit_of_packet(found), found);
+  return intersect_block_packet(tree, block, p, limit_of_packet(found), found);
 }
 
 DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_element, limit_of)
@@ -40,7 +37,11 @@ DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_e
                 limit_of_packet)
 
 // A tile is an approximation: rays need not find to the last bit what they find alone.
-static inline bool takes_packet(const Packet* p) { return true; }
+static inline bool takes_packet(Packet* p) {
+  p->shear = shear_packet(p->d);
+  return true;
+}
 
 #include "kernels/trace/entries.h"
+#include "kernels/trace/group_entries.h"
 #include "kernels/trace/packet_entries.h"

@@ -41,60 +41,42 @@ static ALWAYS_INLINE bool takes_packet(Packet* p) {
   return is_shear_of_each(p->d, p->shear.kz);
 }
 
-// What a packet found, by ray.
+// What make_hit() computes, for 16 rays at once.
 typedef struct HitLanes {
-  float t[16], u[16], v[16], normal[3][16];
-  uint id[16], back;  // back: as bits
+  float normal[3][16];
+  uint back;  // as bits
 } HitLanes;
 
-// make_hit()'s arithmetic for 16 rays.
-static ALWAYS_INLINE void make_lanes(const Tree* tree, const Found16* found, const Packet* p,
+static ALWAYS_INLINE void make_lanes(const Tree* tree, const FoundLanes* found, const float16* d,
                                      HitLanes* lanes) {
   float corners[9][16];
-  uint at[16];
-  vstore16(found->t, 0, lanes->t);
-  vstore16(found->u, 0, lanes->u);
-  vstore16(found->v, 0, lanes->v);
-  vstore16(found->id, 0, lanes->id);
-  vstore16(found->at, 0, at);
   for (uint i = 0; i < 16; ++i) {
-    __global const PrimitiveBlock* b = tree->primitives + at[i] / PRIMITIVE_BLOCK_WIDTH;
-    for (uint row = 0; row < 9; ++row) corners[row][i] = b->rows[row][at[i] % PRIMITIVE_BLOCK_WIDTH];
+    __global const PrimitiveBlock* b = tree->primitives + found->at[i] / PRIMITIVE_BLOCK_WIDTH;
+    for (uint row = 0; row < 9; ++row) corners[row][i] = b->rows[row][found->at[i] % PRIMITIVE_BLOCK_WIDTH];
   }
-  float16 ab[3], ac[3], n[3], e = 0.0f;
+  float16 a[3], b[3], c[3], n[3];
   for (uint axis = 0; axis < 3; ++axis) {
-    const float16 a = vload16(0, corners[axis]);
-    ab[axis] = vload16(0, corners[axis + 3]) - a;
-    ac[axis] = vload16(0, corners[axis + 6]) - a;
-    e = max(e, max(fabs(ab[axis]), fabs(ac[axis])));
+    a[axis] = vload16(0, corners[axis]);
+    b[axis] = vload16(0, corners[axis + 3]);
+    c[axis] = vload16(0, corners[axis + 6]);
   }
-  const float16 scale = 1.0f / e;  // as in triangle_normal()
-  for (uint axis = 0; axis < 3; ++axis) {
-    ab[axis] *= scale;
-    ac[axis] *= scale;
-  }
-  for (uint axis = 0; axis < 3; ++axis) {
-    n[axis] = ab[(axis + 1) % 3] * ac[(axis + 2) % 3] - ab[(axis + 2) % 3] * ac[(axis + 1) % 3];
-  }
-  const float16 inverse_length = 1.0f / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-  for (uint axis = 0; axis < 3; ++axis) {
-    n[axis] *= inverse_length;
-    vstore16(n[axis], 0, lanes->normal[axis]);
-  }
-  lanes->back = lane_bits16(n[0] * p->d[0] + n[1] * p->d[1] + n[2] * p->d[2] > 0.0f);
+  triangle_normals16(a, b, c, n);
+  for (uint axis = 0; axis < 3; ++axis) vstore16(n[axis], 0, lanes->normal[axis]);
+  lanes->back = lane_bits16(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0f);
 }
 
-static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const HitLanes* l, uint i) {
-  Hit hit = no_hit();
-  if (l->id[i] == RBVH_NO_LEAF) return hit;
-  hit.t = l->t[i];
+static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const FoundLanes* found, const HitLanes* l, uint i,
+                                  const Ray* ray) {
+  Hit hit;
+  hit.t = found->t[i];
   for (uint axis = 0; axis < 3; ++axis) hit.normal[axis] = l->normal[axis][i];
-  hit.u = l->u[i];
-  hit.v = l->v[i];
-  hit.leaf = l->id[i];
+  hit.u = found->u[i];
+  hit.v = found->v[i];
+  hit.leaf = found->id[i];
   hit.flags = RBVH_HIT_TRIANGLE_LEAF | (l->back >> i & 1 ? RBVH_HIT_BACK_FACE : 0u);
   return hit;
 }
 
+#include "kernels/trace/group_entries.h"
 #include "kernels/trace/packet_entries.h"
 #endif

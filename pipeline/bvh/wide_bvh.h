@@ -18,6 +18,9 @@ struct WideBvh {
   std::uint32_t stack = 1;      ///< entries that a traversal can need at most
 };
 
+/// Of trees whose leaves are blocks of LEAF_BLOCK_WIDTH primitives.
+inline constexpr BvhConfig kLeafBlockConfig{.leaf_size = LEAF_BLOCK_WIDTH, .test_width = LEAF_BLOCK_WIDTH};
+
 /// Widens by surface-area-optimal collapse (collapse.h). A leaf's number is its place in `leaves`, which gets
 /// the binary tree's leaves.
 WideBvh widen(const Bvh& bvh, std::vector<std::uint32_t>& leaves);

@@ -6,6 +6,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/rbvh/build_tuning.h"
+#include "pipeline/rbvh/group_primitives.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/pack.h"
@@ -66,21 +67,16 @@ struct SimplifiedScan {
   Scan own = {};
 };
 
-Level build_of_primitives(const Device& device, SimplifiedScan& simplified, const LevelRule& rule,
-                          const Lattice& lattice, Stopwatch& watch, BuildTimings& time) {
+Level build_of_primitives(SimplifiedScan& simplified, const LevelRule& rule, const Lattice& lattice,
+                          Stopwatch& watch, BuildTimings& time) {
   if (rule.error > 0 && !simplified.scan->is_cloud()) {
     simplified.own = simplify(*simplified.scan, rule.error);
     simplified.scan = &simplified.own;
     time.simplify += watch.lap();
   }
-  const Primitives primitives = upload_primitives(device, *simplified.scan);
-  Partition partition = make_root(primitives, false, rule.config->split, rule.config->partition);
-  time.upload += watch.lap();
-  const auto splits = [&](const PartitionNode& node) { return wants_split(rule, node); };
-  if (splits(partition.nodes[0])) split_nodes(partition, primitives, {0}, splits);
+  RefinedLevel groups = group_primitives(*simplified.scan, lattice);
   time.partition += watch.lap();
-  RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
-  Level level = pack_level(rule.level, refined, primitives, *simplified.scan, rule.area, lattice);
+  Level level = pack_level(rule.level, groups, *simplified.scan, rule.area, lattice);
   time.pack += watch.lap();
   return level;
 }
@@ -168,10 +164,10 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     Stopwatch level_watch;
     const Lattice lattice = lattice_of(rule.level, box);
     if (rule.holds_primitives) {
-      rbvh.levels.push_back(build_of_primitives(device, simplified, rule, lattice, watch, time));
+      rbvh.levels.push_back(build_of_primitives(simplified, rule, lattice, watch, time));
     } else {
       RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
-      rbvh.levels.push_back(pack_level(rule.level, refined, primitives, scan, area, lattice));
+      rbvh.levels.push_back(pack_level(rule.level, refined, scan, area, lattice));
       time.pack += watch.lap();
     }
     time.levels.push_back({rule.level.name, level_watch.lap()});

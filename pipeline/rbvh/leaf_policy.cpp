@@ -16,8 +16,8 @@ constexpr float kFaultFloorTexels = 4;
 /// A node whose parts want texels so different in number is split.
 constexpr float kMostRhoRange = 4;
 
-/// A leaf of no more primitives may hold them: where a tile takes more bytes, and where it is faulty.
-constexpr std::uint32_t kMostPrimitives = 64, kMostFaulty = 32;
+/// A leaf of no more primitives holds them where its tile is faulty.
+constexpr std::uint32_t kMostFaulty = 32;
 /// Texels that take as many bytes in the file as a primitive, measured: 3.4 bytes each against 36.
 constexpr std::uint32_t kTexelsPerPrimitive = 11;
 /// A leaf of uncovered triangles is not spread over more texels for each: its box would be mostly empty.
@@ -67,10 +67,6 @@ bool holds_primitives(Hybrid hybrid, const LevelFacts& level) {
          level.rho > kTexelsPerSimplified * static_cast<float>(level.primitives);
 }
 
-bool wants_split_primitives(const NodeFacts& node) {
-  return node.objects > 1 || node.primitives > kMostPrimitives;
-}
-
 float cloud_rho(float rho, std::uint32_t points) {
   return rho * std::min(1.0f, kTexelsPerPoint * static_cast<float>(points) / standard_levels().front().rho);
 }
@@ -108,10 +104,10 @@ TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits) {
 LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid) {
   const std::uint32_t n = tile.primitives;
   if (tile.is_uncovered_group)
-    return n == 1 || (n <= kMostPrimitives && tile.texels <= kMaxUncoveredTexels * n)
+    return n == 1 || (n <= kMostLeafPrimitives && tile.texels <= kMaxUncoveredTexels * n)
                ? LeafDecision::kPrimitives
                : LeafDecision::kSplit;
-  if (hybrid != Hybrid::kOff && n <= kMostPrimitives) {
+  if (hybrid != Hybrid::kOff && n <= kMostLeafPrimitives) {
     const bool is_poor_fit = tile.is_faulty && n <= kMostFaulty,
                takes_more_bytes = tile.texels >= kTexelsPerPrimitive * n;
     if (hybrid == Hybrid::kAlways || is_poor_fit || takes_more_bytes) return LeafDecision::kPrimitives;
@@ -125,7 +121,7 @@ LeafDecision decide_leaf(const TileFacts& tile, Hybrid hybrid) {
 LeafDecision decide_uncovered(std::uint32_t uncovered, std::uint32_t primitives) {
   if (uncovered == 0) return LeafDecision::kRasterize;
   if (uncovered < primitives) return LeafDecision::kSplit;
-  return primitives <= kMostPrimitives ? LeafDecision::kPrimitives : LeafDecision::kRasterize;
+  return primitives <= kMostLeafPrimitives ? LeafDecision::kPrimitives : LeafDecision::kRasterize;
 }
 
 FaultSplit choose_fault_split(const TileFlaws& flaws) {

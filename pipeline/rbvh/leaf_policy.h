@@ -58,8 +58,8 @@ struct LevelFacts {
 /// bytes (docs/benchmarks.md).
 bool holds_primitives(Hybrid hybrid, const LevelFacts& level);
 
-/// Whether a node of such a level is split further.
-bool wants_split_primitives(const NodeFacts& node);
+/// No leaf that holds primitives has more.
+inline constexpr std::uint32_t kMostLeafPrimitives = 64;
 
 /// Texels finer than a cloud's points lie apart hold nothing that coarser ones do not: all levels of a cloud
 /// are made coarser by as much as it takes for Q0 to have no more texels than its points are worth.

@@ -19,7 +19,6 @@ float texels_per_area(const LevelRule& rule, const PartitionNode& node) {
 }
 
 bool wants_split(const LevelRule& rule, const PartitionNode& node) {
-  if (rule.holds_primitives) return wants_split_primitives(facts(node));
   const LevelConfig here = quality(rule, node);
   LeafQuality wanted{here.rho, here.rho / rule.area, here.alpha, here.phi_degrees, here.rho};
   if (const Focus* focus = focus_of(rule))

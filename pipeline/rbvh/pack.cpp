@@ -155,8 +155,8 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
 
 }  // namespace
 
-Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primitives& primitives,
-                 const Scan& scan, float area, const Lattice& lattice) {
+Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
+                 const Lattice& lattice) {
   std::vector<Tile>& tiles = refined.tiles;
   Level level;
   level.name = config.name;
@@ -174,12 +174,9 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primiti
   level.atlas_height = size.height;
   level.layers.push_back({"height", 1, assemble_layer(tiles, refined.texels.heights, size)});
   level.layers.push_back({"normal", 1, assemble_layer(tiles, refined.texels.normals, size)});
-  if (primitives.has_colors)
+  if (!scan.colors.empty())
     level.layers.push_back({"color", 1, assemble_layer(tiles, refined.texels.colors, size)});
 
-  const std::vector<std::uint32_t> references = refined.partition.references.read(),
-                                   scan_primitives = primitives.order.read();
-  std::vector<std::vector<std::uint32_t>> of_tile(tiles.size());  // of leaves of primitives
   std::vector<Bounds3f> boxes(tiles.size());
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     if (tiles[k].decision == LeafDecision::kRasterize) {
@@ -188,17 +185,14 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primiti
       boxes[k] = unround_box(level.grid, round_box(level.grid, tiles[k].bounds));
       continue;
     }
-    const PartitionNode& node = refined.partition.nodes[tiles[k].node];
-    for (std::uint32_t i = node.begin; i < node.end; ++i)
-      of_tile[k].push_back(scan_primitives[references[i]]);
     if (scan.is_cloud())
-      sort_into_blocks(of_tile[k], scan);
+      sort_into_blocks(refined.held[k], scan);
     else
-      sort_into_strips(of_tile[k], scan);
-    for (const std::uint32_t i : of_tile[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
+      sort_into_strips(refined.held[k], scan);
+    for (const std::uint32_t i : refined.held[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
   }
   TopTree tree = build_top_tree(boxes);
-  store_primitives(level, tiles, tree.order, of_tile, scan);
+  store_primitives(level, tiles, tree.order, refined.held, scan);
   level.nodes = std::move(tree.nodes);
   for (const std::uint32_t k : tree.order) {
     level.leaves.push_back(tiles[k].leaf);

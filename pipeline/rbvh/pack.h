@@ -1,16 +1,15 @@
 // From a level's leaves to what is stored: atlas, hierarchy, primitives.
 #pragma once
 
-#include "pipeline/rbvh/primitives.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/rbvh/refine.h"
 #include "rbvh/build.h"
 
 namespace rbvh {
 
-/// `scan` is what `primitives` were made of. `area`: that rho is for, scan units squared. `lattice`: that the
+/// `scan`: whose primitives the leaves hold. `area`: that rho is for, scan units squared. `lattice`: that the
 /// primitives' positions are moved to; of step 0: they stay.
-Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Primitives& primitives,
-                 const Scan& scan, float area, const Lattice& lattice);
+Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
+                 const Lattice& lattice);
 
 }  // namespace rbvh

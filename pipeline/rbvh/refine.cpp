@@ -20,7 +20,8 @@ struct RefineState {
   const Primitives& primitives;
   const LevelRule& rule;
   bool separates_boundary = false, is_noisy = false;
-  RefinedLevel result;
+  Partition partition;  ///< the level's own, with the splits of its faulty tiles
+  RefinedLevel result = {};
   std::set<std::uint32_t> uncovered = {};  ///< nodes of triangles that are uncovered in the tile of another
 
   Hybrid hybrid() const { return rule.config->hybrid; }
@@ -92,7 +93,7 @@ RasterConfig raster_config(const RefineState& level, float rho) {
 }
 
 LeafDecision decide(const RefineState& level, const Tile& tile) {
-  const PartitionNode& node = level.result.partition.nodes[tile.node];
+  const PartitionNode& node = level.partition.nodes[tile.node];
   return decide_leaf({.primitives = node.count(),
                       .texels = std::uint32_t{tile.leaf.width} * tile.leaf.height,
                       .surface_texels = texels_per_area(level.rule, node) * node.sums.area,
@@ -107,11 +108,11 @@ std::vector<SplitRequest> rasterize_leaves(RefineState& level, const std::vector
   // Leaves of equal density together: without a focus, all.
   std::map<float, std::vector<std::uint32_t>> by_rho;
   for (const std::uint32_t n : leaves)
-    by_rho[texels_per_area(level.rule, result.partition.nodes[n])].push_back(n);
+    by_rho[texels_per_area(level.rule, level.partition.nodes[n])].push_back(n);
   std::vector<SplitRequest> requests;
   for (const auto& [rho, group] : by_rho)
     for (const Tile& tile : rasterize_tiles(
-             level.primitives, result.partition, group, raster_config(level, rho),
+             level.primitives, level.partition, group, raster_config(level, rho),
              [&](const Tile& draft) { return decide(level, draft); }, result.texels)) {
       if (tile.decision != LeafDecision::kSplit) {
         result.tiles.push_back(tile);
@@ -128,7 +129,7 @@ std::vector<SplitRequest> rasterize_leaves(RefineState& level, const std::vector
 /// of these triangles, which are to be leaves of their own. A tile that shows none of its triangles is such a
 /// leaf already.
 std::vector<std::uint32_t> split_uncovered(RefineState& level, std::size_t first_tile) {
-  Partition& partition = level.result.partition;
+  Partition& partition = level.partition;
   std::vector<SplitRequest> requests;
   std::vector<std::uint32_t> references;
   for (Tile& tile : std::span(level.result.tiles).subspan(first_tile)) {
@@ -165,31 +166,30 @@ RefineState start_refining(const Primitives& primitives, const Partition& partit
   const Hybrid hybrid = rule.config->hybrid;
   const BoundaryFacts scan{root.sums.boundary, static_cast<float>(root.count()),
                            texels_per_area(rule, root) * root.sums.area};
-  RefineState level{
-      .primitives = primitives,
-      .rule = rule,
-      .separates_boundary = separates_boundary(hybrid, scan),
-      .is_noisy = is_noisy_mesh(primitives.area, static_cast<double>(root.sums.area)),
-      .result = {.partition = {.nodes = partition.nodes,
-                               .references = Buffer<std::uint32_t>(primitives.device, primitives.count),
-                               .cones = false,
-                               .rule = partition.rule,
-                               .host = partition.host},
-                 .tiles = {},
-                 .texels = {}}};
-  level.result.partition.references.copy_from(partition.references, primitives.count);
+  RefineState level{.primitives = primitives,
+                    .rule = rule,
+                    .separates_boundary = separates_boundary(hybrid, scan),
+                    .is_noisy = is_noisy_mesh(primitives.area, static_cast<double>(root.sums.area)),
+                    .partition = {.nodes = partition.nodes,
+                                  .references = Buffer<std::uint32_t>(primitives.device, primitives.count),
+                                  .cones = false,
+                                  .rule = partition.rule,
+                                  .host = partition.host}};
+  level.partition.references.copy_from(partition.references, primitives.count);
   return level;
 }
 
-/// Leaves of primitives need no rasterising.
-void take_primitives(RefinedLevel& level, const std::vector<std::uint32_t>& leaves) {
-  for (const std::uint32_t n : leaves) {
-    const PartitionNode& node = level.partition.nodes[n];
-    Tile& tile = level.tiles.emplace_back();
-    tile.node = n;
-    tile.decision = LeafDecision::kPrimitives;
-    tile.leaf.primitives = node.count();
-    tile.leaf.object_id = std::min(node.objects.ids[0], node.objects.ids[1]);
+/// Lists the primitives of the leaves that hold these.
+void list_primitives(RefineState& level) {
+  const std::vector<std::uint32_t> references = level.partition.references.read(),
+                                   order = level.primitives.order.read();
+  level.result.held.resize(level.result.tiles.size());
+  for (std::size_t k = 0; k < level.result.tiles.size(); ++k) {
+    const Tile& tile = level.result.tiles[k];
+    if (tile.decision != LeafDecision::kPrimitives) continue;
+    const PartitionNode& node = level.partition.nodes[tile.node];
+    for (std::uint32_t i = node.begin; i < node.end; ++i)
+      level.result.held[k].push_back(order[references[i]]);
   }
 }
 
@@ -198,12 +198,8 @@ void take_primitives(RefinedLevel& level, const std::vector<std::uint32_t>& leav
 RefinedLevel refine_level(const Primitives& primitives, const Partition& partition, const LevelRule& rule,
                           Stopwatch& watch, BuildTimings& time) {
   RefineState level = start_refining(primitives, partition, rule);
-  Partition& own = level.result.partition;
+  Partition& own = level.partition;
   std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
-  if (rule.holds_primitives) {
-    take_primitives(level.result, leaves);
-    return std::move(level.result);
-  }
   if (level.separates_boundary) leaves = split_boundary(own, primitives, leaves);
   // The level's leaves, then the children of those whose tiles are faulty.
   for (bool is_first = true; !leaves.empty(); is_first = false) {
@@ -224,6 +220,7 @@ RefinedLevel refine_level(const Primitives& primitives, const Partition& partiti
     }
     time.partition += watch.lap();
   }
+  list_primitives(level);
   return std::move(level.result);
 }
 

@@ -13,9 +13,10 @@
 namespace rbvh {
 
 struct RefinedLevel {
-  Partition partition;  ///< the level's own, with the splits of its faulty tiles
   std::vector<Tile> tiles;
   TileTexels texels;
+  /// Of each tile that holds primitives: the scan's.
+  std::vector<std::vector<std::uint32_t>> held;
 };
 
 /// `partition` stays as it is, so that no level depends on another. Adds to the seconds in `time` by the laps

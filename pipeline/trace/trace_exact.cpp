@@ -137,9 +137,11 @@ void ExactTracer::intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, st
                             RayQuery query, const Buffer<std::uint32_t>* steps) const {
   RBVH_CHECK(rays.size() >= count && hits.size() >= count && (steps == nullptr || steps->size() >= count));
   const std::uint32_t any = query == RayQuery::kAny ? 1 : 0;
-  device.kernel(kernel, "trace_rays", options)
-      .run(count, kGroup, nodes, primitives, references, scene, rays, static_cast<std::uint32_t>(count), any,
-           hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
+  const bool in_groups = packet_pixels > 0;
+  device.kernel(kernel, in_groups ? "trace_ray_groups" : "trace_rays", options)
+      .run(in_groups ? (count + 15) / 16 : count, in_groups ? kPacketGroup : kGroup, nodes, primitives,
+           references, scene, rays, static_cast<std::uint32_t>(count), any, hits,
+           steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
 void ExactTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,

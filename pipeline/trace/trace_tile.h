@@ -2,6 +2,7 @@
 // hit. Packets of coherent rays by explicit vectors on a CPU, one ray a work-item otherwise.
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 #include "kernels/bvh/bvh_layout.h"
@@ -19,14 +20,13 @@ struct TileTracer final : Tracer {
   Buffer<WideNode> nodes;
   Buffer<RbvhTile> tiles;
   Buffer<std::uint16_t> heights;
-  Buffer<PrimitiveBlock> blocks;
-  Buffer<std::uint32_t> leaf_of;  ///< of each of the level's primitives
-  Buffer<std::uint8_t> place_of;  ///< of each, among its leaf's
+  Buffer<std::byte> blocks;  ///< of a kind that `options` say
   std::uint32_t tile_count = 0;
+  LatticePlace lattice{};
   const Level* level = nullptr;
 
   using Tracer::Tracer;
-  /// t in [tmin, tmax]; of several at the same t the first tile's, else the first primitive's. `steps` counts
+  /// t in [tmin, tmax]; of several at the same t the first tile's, else the first lane's. `steps` counts
   /// nodes and grid lines.
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;

@@ -1,0 +1,203 @@
+// Leaves of a level's wide hierarchy that are blocks of up to 16 triangles or, with -DDISCS, discs. One ray
+// is tested against all at once, a packet against one after the other. Triangles of a block share vertices,
+// which lie on the level's lattice (-DLATTICE) or anywhere.
+#ifndef RBVH_LEAF_BLOCK_H
+#define RBVH_LEAF_BLOCK_H
+#include "kernels/bvh/disc.h"
+#include "kernels/bvh/packet.h"
+#include "kernels/bvh/triangle.h"
+#include "kernels/trace/tile_tree.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+// Takes the nearest of the lanes in `mask` over into `found` where it is nearer. u and v are to be divided by
+// `sum`.
+static ALWAYS_INLINE bool take_nearest(uint mask, float16 t16, float16 u16, float16 v16, float16 sum16,
+                                       uint id, uint at, Found* found) {
+  float t[16], u[16], v[16], sum[16];
+  vstore16(t16, 0, t);
+  vstore16(u16, 0, u);
+  vstore16(v16, 0, v);
+  vstore16(sum16, 0, sum);
+  uint best = lowest_bit(mask);
+  for (mask &= mask - 1; mask != 0; mask &= mask - 1) {
+    const uint lane = lowest_bit(mask);
+    if (t[lane] < t[best]) best = lane;
+  }
+  if (!is_nearer(t[best], id + best, found)) return false;
+  *found = (Found){t[best], u[best] / sum[best], v[best] / sum[best], id + best, at + best};
+  return true;
+}
+
+// Of 16 bytes that lie on a word: vload16() would take them one by one.
+static ALWAYS_INLINE int16 load_bytes(__global const uchar* bytes) {
+  return convert_int16(as_uchar16(vload4(0, (__global const uint*)bytes)));
+}
+
+static ALWAYS_INLINE void take_lanes(int16 taken, float16 t, float16 u, float16 v, uint id, uint at,
+                                     Found16* found) {
+  found->t = select(found->t, t, taken);
+  found->u = select(found->u, u, taken);
+  found->v = select(found->v, v, taken);
+  found->id = select(found->id, (uint16)(id), taken);
+  found->at = select(found->at, (uint16)(at), taken);
+}
+
+static inline uint lanes_in_use(__global const LeafBlock* b) { return (1u << b->count) - 1; }
+
+#ifndef DISCS
+// The vertices' coordinates along an axis, from the origin of the rays. The same for a vertex in all blocks,
+// to the last bit: no ray slips between these.
+static ALWAYS_INLINE float16 vertex_row(const Tree* tree, __global const LeafBlock* b, uint axis,
+                                        const float* origin) {
+#ifdef LATTICE
+  const int16 k = convert_int16(vload16(0, b->vertices[axis])) + b->base[axis];
+  return fma(convert_float16(k), (float16)(tree->lattice->step),
+             (float16)(tree->lattice->origin[axis] - origin[axis]));
+#else
+  return vload16(0, b->vertices[axis]) - origin[axis];
+#endif
+}
+
+static inline float3 block_vertex(const Tree* tree, __global const LeafBlock* b, uint vertex) {
+  float p[3];
+  for (uint axis = 0; axis < 3; ++axis)
+#ifdef LATTICE
+    p[axis] = tree->lattice->origin[axis] +
+              (float)(b->base[axis] + (int)b->vertices[axis][vertex]) * tree->lattice->step;
+#else
+    p[axis] = b->vertices[axis][vertex];
+#endif
+  return (float3)(p[0], p[1], p[2]);
+}
+
+static inline float3 unit_normal(const Tree* tree, uint at) {
+  __global const LeafBlock* b = tree->blocks + at / LEAF_BLOCK_WIDTH;
+  const uint lane = at % LEAF_BLOCK_WIDTH;
+  return triangle_normal(block_vertex(tree, b, b->corners[0][lane]),
+                         block_vertex(tree, b, b->corners[1][lane]),
+                         block_vertex(tree, b, b->corners[2][lane]));
+}
+
+// Each vertex is sheared once for all triangles.
+static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {
+  __global const LeafBlock* b = tree->blocks + block;
+  const float16 z = vertex_row(tree, b, q->kz, q->origin);
+  const float16 x = vertex_row(tree, b, q->kx, q->origin) - q->sx * z;
+  const float16 y = vertex_row(tree, b, q->ky, q->origin) - q->sy * z;
+  const int16 c0 = load_bytes(b->corners[0]), c1 = load_bytes(b->corners[1]), c2 = load_bytes(b->corners[2]);
+  Areas16 areas;
+  const int16 inside = triangle_areas16(permute16(x, c0), permute16(y, c0), permute16(x, c1),
+                                        permute16(y, c1), permute16(x, c2), permute16(y, c2), &areas);
+  if (lane_bits16(inside) == 0) return false;
+  const float16 depth = q->sz * z;
+  const float16 t =
+      (areas.u * permute16(depth, c0) + areas.v * permute16(depth, c1) + areas.w * permute16(depth, c2)) /
+      areas.sum;
+  const uint mask = lane_bits16(inside & (t >= q->tmin) & (t <= found->t)) & lanes_in_use(b);
+  const uint at = block * LEAF_BLOCK_WIDTH;
+  return mask != 0 && take_nearest(mask, t, areas.v, areas.w, areas.sum, tree->tile_count + at, at, found);
+}
+
+// Triangles that any of the packet's rays may hit, as bits: those whose box, seen from the rays' origin,
+// meets the packet's. Most of a block's lie beside it. x, y, z: the vertices along kx, ky, kz.
+static ALWAYS_INLINE uint triangles_in_window(const PacketShear* s, float16 x, float16 y, float16 z, int16 c0,
+                                              int16 c1, int16 c2) {
+  if (s->side == 0.0f || lane_bits16(z * s->side > 0.0f) != ALL_LANES) return ALL_LANES;
+  const float16 u = x / z, u0 = permute16(u, c0), u1 = permute16(u, c1), u2 = permute16(u, c2);
+  const float16 v = y / z, v0 = permute16(v, c0), v1 = permute16(v, c1), v2 = permute16(v, c2);
+  return lane_bits16((min(u0, min(u1, u2)) <= s->hi[0]) & (max(u0, max(u1, u2)) >= s->lo[0]) &
+                     (min(v0, min(v1, v2)) <= s->hi[1]) & (max(v0, max(v1, v2)) >= s->lo[1]));
+}
+
+static ALWAYS_INLINE bool intersect_block_packet(const Tree* tree, uint block, const Packet* p, float limit,
+                                                 Found16* found) {
+  __global const LeafBlock* b = tree->blocks + block;
+  const PacketShear* s = &p->shear;
+  const float16 x = vertex_row(tree, b, s->kx, p->origin), y = vertex_row(tree, b, s->ky, p->origin),
+                z = vertex_row(tree, b, s->kz, p->origin);
+  float seen[3][16];
+  vstore16(x, 0, seen[0]);
+  vstore16(y, 0, seen[1]);
+  vstore16(z, 0, seen[2]);
+  uint mask = lanes_in_use(b) & triangles_in_window(s, x, y, z, load_bytes(b->corners[0]),
+                                                    load_bytes(b->corners[1]), load_bytes(b->corners[2]));
+  bool taken_any = false;
+  for (; mask != 0; mask &= mask - 1) {
+    const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
+#define CORNER(i) \
+  { seen[0][b->corners[i][lane]], seen[1][b->corners[i][lane]], seen[2][b->corners[i][lane]] }
+    const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
+#undef CORNER
+    float16 t, v, w, area;
+    const int16 inside = intersect_corners_packet(p0, p1, p2, s->sx, s->sy, s->sz, &t, &v, &w, &area);
+    if (lane_bits16(inside) == 0) continue;
+    const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, tree->tile_count + at, found);
+    if (lane_bits16(taken) == 0) continue;
+    take_lanes(taken, t, v / area, w / area, tree->tile_count + at, at, found);
+    taken_any = true;
+  }
+  return taken_any;
+}
+#else
+// The vector in rows `row` to `row` + 2 of one disc.
+static inline float3 block_vector(__global const LeafBlock* b, uint lane, uint row) {
+  return (float3)(b->rows[row][lane], b->rows[row + 1][lane], b->rows[row + 2][lane]);
+}
+
+static inline float3 unit_normal(const Tree* tree, uint at) {
+  return block_vector(tree->blocks + at / LEAF_BLOCK_WIDTH, at % LEAF_BLOCK_WIDTH, 3);
+}
+
+// Of the ray's point at t, across the disc: -1 to 1.
+static inline float2 place_on_disc(const Tree* tree, uint at, float3 origin, float3 direction, float t) {
+  __global const LeafBlock* b = tree->blocks + at / LEAF_BLOCK_WIDTH;
+  const uint lane = at % LEAF_BLOCK_WIDTH;
+  const float3 r = (t * direction - (block_vector(b, lane, 0) - origin)) / b->rows[6][lane];
+  float3 x, y;
+  disc_frame(block_vector(b, lane, 3), &x, &y);
+  return (float2)(dot(r, x), dot(r, y));
+}
+
+static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {
+  __global const LeafBlock* b = tree->blocks + block;
+  const float16 centre[3] = {vload16(0, b->rows[0]) - q->origin[0], vload16(0, b->rows[1]) - q->origin[1],
+                             vload16(0, b->rows[2]) - q->origin[2]};
+  const float16 normal[3] = {vload16(0, b->rows[3]), vload16(0, b->rows[4]), vload16(0, b->rows[5])};
+  float16 t;
+  const int16 inside = intersect_discs16(centre, normal, vload16(0, b->rows[6]), q->direction, &t);
+  const uint mask = lane_bits16(inside & (t >= q->tmin) & (t <= found->t));
+  const uint at = block * LEAF_BLOCK_WIDTH;
+  return mask != 0 && take_nearest(mask, t, t, t, (float16)(1.0f), tree->tile_count + at, at, found);
+}
+
+static ALWAYS_INLINE uint intersect_boxes_packet(__global const LeafBlock* b, const PacketBounds* p,
+                                                 float limit) {
+  const float16 radius = vload16(0, b->rows[6]);
+#define LOAD(row) (vload16(0, b->rows[(row) % 3]) + ((row) > 2 ? radius : -radius))
+  float16 enter = p->tmin, leave = limit;
+  PACKET_INTERVAL(float16, LOAD, p, p->inverse, p->near_offset, p->far_offset, enter, leave)
+#undef LOAD
+  return lane_bits16(enter <= leave) & lanes_in_use(b);
+}
+
+static ALWAYS_INLINE bool intersect_block_packet(const Tree* tree, uint block, const Packet* p, float limit,
+                                                 Found16* found) {
+  __global const LeafBlock* b = tree->blocks + block;
+  bool taken_any = false;
+  for (uint mask = intersect_boxes_packet(b, &p->bounds, limit); mask != 0; mask &= mask - 1) {
+    const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
+    const float centre[3] = {b->rows[0][lane] - p->origin[0], b->rows[1][lane] - p->origin[1],
+                             b->rows[2][lane] - p->origin[2]};
+    const float normal[3] = {b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]};
+    float16 t;
+    const int16 inside = intersect_disc_packet(centre, normal, b->rows[6][lane], p->d, &t);
+    const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, tree->tile_count + at, found);
+    if (lane_bits16(taken) == 0) continue;
+    take_lanes(taken, t, t, t, tree->tile_count + at, at, found);
+    taken_any = true;
+  }
+  return taken_any;
+}
+#endif
+#endif

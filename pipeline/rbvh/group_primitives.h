@@ -1,0 +1,13 @@
+// The leaves of a level that holds primitives: subtrees of the hierarchy that these are traced with.
+#pragma once
+
+#include "pipeline/rbvh/refine.h"
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+/// Leaves of at most kMostLeafPrimitives triangles or discs, of one object each. The positions are those of
+/// the lattice.
+RefinedLevel group_primitives(const Scan& scan, const Lattice& lattice);
+
+}  // namespace rbvh
