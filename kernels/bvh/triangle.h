@@ -82,7 +82,12 @@ static ALWAYS_INLINE void triangle_normals16(const float16* a, const float16* b,
   }
   for (uint axis = 0; axis < 3; ++axis)
     n[axis] = ab[(axis + 1) % 3] * ac[(axis + 2) % 3] - ab[(axis + 2) % 3] * ac[(axis + 1) % 3];
-  const float16 inverse_length = 1.0f / sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+  // Scaled again, as normalize() does it: the squares of a sliver's would vanish.
+  const float16 largest = max(fabs(n[0]), max(fabs(n[1]), fabs(n[2])));
+  const float16 inverse = select((float16)(0.0f), 1.0f / largest, largest > 0.0f);
+  for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse;
+  const float16 squares = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+  const float16 inverse_length = select((float16)(0.0f), 1.0f / sqrt(squares), squares > 0.0f);
   for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse_length;
 }
 #endif
