@@ -75,7 +75,7 @@ TEST_F(Detail, LodFitsIntoBytes) {
 }
 
 TEST_F(Detail, LodKeepsToAnError) {
-  good("build ball.ply -o plain.rbvh --levels Q4 --hybrid off");
+  good("build ball.ply -o plain.rbvh --levels Q4 --levels-by density --hybrid off");
   bad("lod plain.rbvh --max-error 1 -o x.rbvh", 3, "--measure");
   good("lod plain.rbvh --max-error 90 -o coarse.rbvh --against ball.ply --views 2 --resolution 128");
   EXPECT_EQ(levels("coarse.rbvh"), "Q4 ");
