@@ -169,7 +169,8 @@ void add_build(CLI::App& app, Context& context) {
              "part of the diagonal, 1e-6 to 0.1");
   add_parsed(*stage, "--error", options->error, parse_error_bound, "0.5mm",
              "one level of this error: in mm, cm, m, km, in, ft (of a scan that states its units), % of the "
-             "diagonal, or scan units; it has the name of the standard level whose error is nearest");
+             "diagonal, or scan units (a number alone); it has the name of the standard level whose error is "
+             "nearest");
   add_parsed(
       *stage, "--levels-by", options->levels_by, parse_choice<kLevelsBy>, "HOW",
       "what makes a level: its error (tiles, or simplified triangles where these are better, default) or "
