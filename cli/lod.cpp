@@ -49,14 +49,16 @@ void measure(Context& context, const LodOptions& options, std::optional<Device>&
 }
 
 std::string choose_by_error(Context& context, const LodOptions& options, const Rbvh& rbvh) {
+  const bool was_measured = !options.against.empty();  // then nothing else will do
   for (const Level& level : rbvh.levels)
-    if (std::isnan(known_error(rbvh, level).percent))
-      throw Error(ErrorKind::kInput, options.file,
-                  "level " + level.name +
-                      (options.against.empty()
-                           ? " was not measured, and was built for no error; build with --measure, or name "
-                             "the scan with --against"
-                           : " and " + options.against + " are hit by no ray both; is it another scan?"));
+    if (const KnownError error = known_error(rbvh, level);
+        std::isnan(error.percent) || (was_measured && !error.is_measured))
+      throw Error(
+          ErrorKind::kInput, options.file,
+          "level " + level.name +
+              (!was_measured ? " was not measured, and was built for no error; build with --measure, or name "
+                               "the scan with --against"
+                             : " and " + options.against + " are hit by no ray both; is it another scan?"));
   const double diagonal = static_cast<double>(rbvh.source.bounds.diagonal());
   const double most = part_of_diagonal(*options.most_error, "%", {diagonal, rbvh.source.units}, options.file);
   const Level& level = choose_level_by_error(rbvh, 100 * most, options.file);
