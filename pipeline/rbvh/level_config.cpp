@@ -88,6 +88,7 @@ LevelConfig level_of_error(double error) {
 
 std::vector<LevelConfig> wanted_levels(const std::vector<WantedLevel>& wanted) {
   std::vector<std::string> names;
+  names.reserve(wanted.size());
   for (const WantedLevel& level : wanted) names.push_back(level.name);
   std::vector<LevelConfig> levels = standard_levels(names);
   if (wanted.empty()) return levels;
