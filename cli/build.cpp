@@ -1,7 +1,10 @@
 // rbvh build: from an ingested scan to an .rbvh pair.
+#include <spdlog/fmt/fmt.h>
+
 #include <memory>
 
 #include "cli/common.h"
+#include "cli/error_bound.h"
 #include "cli/layer_options.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
@@ -26,7 +29,8 @@ constexpr std::pair<std::string_view, LevelsBy> kLevelsBy[] = {{"error", LevelsB
 struct BuildOptions {
   std::string file;
   BuildConfig config;
-  std::vector<std::string> levels;  // empty: all
+  std::vector<WantedLevel> levels;  // empty: all
+  std::optional<ErrorBound> error;  // of the one level
   LevelsBy levels_by = LevelsBy::kError;
   std::optional<Vec3d> focus, focus_camera;
   std::optional<double> focus_radius;
@@ -50,6 +54,25 @@ std::optional<FocusWords> focus_words(const BuildOptions& options) {
                     .level = standard_levels({options.focus_level.value_or("Q0")}).front()};
 }
 
+/// Those of --levels and --levels-by; --error's needs the scan.
+std::vector<LevelConfig> named_levels(const BuildOptions& options) {
+  const auto refuse = [](const char* what) { throw Error(ErrorKind::kUsage, "", what); };
+  if (options.error && !options.levels.empty())
+    refuse("--error and --levels: one of them is wanted (--levels Q0=1e-5,Q2 states errors of several)");
+  std::vector<LevelConfig> levels = wanted_levels(options.levels);
+  if (options.levels_by == LevelsBy::kError) return levels;
+  if (options.error) refuse("--error: levels by density have no error; leave out --levels-by");
+  for (const WantedLevel& level : options.levels)
+    if (level.error) refuse("--levels: levels by density have no error; name them alone");
+  return by_density(std::move(levels));
+}
+
+/// The one of --error.
+LevelConfig level_of_bound(const ErrorBound& error, const Scan& scan, const std::string& file) {
+  const double diagonal = static_cast<double>(bounds(scan).diagonal());
+  return level_of_error(part_of_diagonal(error, "units", {diagonal, scan.units}, file));
+}
+
 /// Fills in the levels' fidelity.
 void measure_pair(Context& context, const Device& device, const ViewsConfig& views, Rbvh& rbvh, Scan& scan) {
   Asset exact = make_asset(std::move(scan)), pair = make_asset(std::move(rbvh));
@@ -69,11 +92,23 @@ auto with_file(const std::string& file, Work&& work) {
   }
 }
 
+/// A pair that is larger than its scan is rarely what was wanted.
+void compare_sizes(Context& context, const std::string& file, std::uint64_t pair_bytes,
+                   std::uint64_t scan_bytes, std::size_t levels) {
+  const double ratio = static_cast<double>(pair_bytes) / static_cast<double>(scan_bytes);
+  context.report["bytes"]["scan"] = scan_bytes;
+  context.report["bytes"]["pair_to_scan"] = ratio;
+  if (pair_bytes <= scan_bytes) return;
+  note(context,
+       fmt::format("rbvh build: {} is {:.2f} times as large as {} ({}); build {} (--levels Q4, or --error)",
+                   context.output, ratio, input_name(file), format_bytes(scan_bytes),
+                   levels > 1 ? "fewer or coarser levels" : "a coarser level"));
+}
+
 void run_build(Context& context, const BuildOptions& options) {
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
-  config.levels = standard_levels(options.levels);
-  if (options.levels_by == LevelsBy::kDensity) config.levels = by_density(config.levels);
+  config.levels = named_levels(options);
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_pair_output(context);
 
@@ -81,6 +116,7 @@ void run_build(Context& context, const BuildOptions& options) {
   SourceScan source = load_source(options.file, context.memory);
   Scan& scan = source.scan;
   check_buildable(scan, options.file);
+  if (options.error) config.levels = {level_of_bound(*options.error, scan, input_name(options.file))};
   check_budget(context.memory, build_memory(scan, config), options.file, "building it");
   if (focus) config.focus = place_focus(*focus, scan);
   const double load_seconds = watch.lap();
@@ -115,6 +151,7 @@ void run_build(Context& context, const BuildOptions& options) {
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
   report_pair(context, context.output, bytes, counted(rbvh.levels.size(), "level"));
+  compare_sizes(context, options.file, bytes.hierarchy + bytes.atlas, source.bytes, rbvh.levels.size());
 }
 
 }  // namespace
@@ -127,7 +164,13 @@ void add_build(CLI::App& app, Context& context) {
       {"build", "Make an .rbvh pair of an ingested scan", "rbvh build dragon.ply -o dragon.rbvh"},
       kWithOutput | kWithDevice | kWithReport, [&context, options] { run_build(context, *options); });
   stage->add_option("FILE", options->file, "the scan, as ingest writes it (-: standard input)")->required();
-  add_parsed(*stage, "--levels", options->levels, parse_list, "Q0,Q2", "which levels (default: all five)");
+  add_parsed(*stage, "--levels", options->levels, parse_wanted_levels, "Q0=1e-5,Q2",
+             "which levels (default: all five), each with its own error or with one that you give: rms, as a "
+             "part of the diagonal, 1e-6 to 0.1");
+  add_parsed(*stage, "--error", options->error, parse_error_bound, "0.5mm",
+             "one level of this error: in mm, cm, m, km, in, ft (of a scan that states its units), % of the "
+             "diagonal, or scan units (a number alone); it has the name of the standard level whose error is "
+             "nearest");
   add_parsed(
       *stage, "--levels-by", options->levels_by, parse_choice<kLevelsBy>, "HOW",
       "what makes a level: its error (tiles, or simplified triangles where these are better, default) or "

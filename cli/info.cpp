@@ -1,7 +1,10 @@
 // rbvh info: what a pair, a proxy, a scan or a scene holds.
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "cli/common.h"
 #include "cli/stages.h"
@@ -32,7 +35,63 @@ std::string count(const Json& json, const std::string& noun) {
   return counted(json[plural(noun)].get<std::uint64_t>(), noun);
 }
 
-std::string pair_text(const Json& json) {
+/// "1.6e-05   0.000432": an error of the diagonal, and in scan units.
+std::string error_text(const Json& of, const char* part, const char* length) {
+  const double error = of.is_null() ? 0 : of[part].get<double>();
+  if (!(error > 0)) return fmt::format("{:>9} {:>11}", "-", "-");
+  return fmt::format("{:>9.3g} {:>11.4g}", error, of[length].get<double>());
+}
+
+/// What was asked for and what was reached.
+std::string errors_text(const Json& json) {
+  const Json& source = json["source"];
+  const std::string units = source["units"] == "unknown" ? "units" : printable(source["units"]);
+  std::string text = fmt::format("errors, of the diagonal ({:.6g} {}) and in {}\n",
+                                 source["diagonal"].get<double>(), units, units);
+  text += "level               asked for          reached, rms      reached, at most\n";
+  for (const Json& level : json["levels"])
+    text +=
+        fmt::format("{:<6} {} {} {}\n", printable(level["name"]), error_text(level, "error", "error_length"),
+                    error_text(level["reached"], "error", "error_length"),
+                    error_text(level["reached"], "max", "max_length"));
+  return text;
+}
+
+/// Where the bytes are: a row for each level, a column for each stream and layer that any of them has.
+std::string bytes_text(const Json& json) {
+  std::vector<std::pair<std::string, std::vector<std::uint64_t>>> columns;
+  const std::size_t count = json["levels"].size();
+  const auto add = [&](const std::string& name, std::size_t level, std::uint64_t bytes) {
+    auto column =
+        std::find_if(columns.begin(), columns.end(), [&](const auto& c) { return c.first == name; });
+    if (column == columns.end()) column = columns.insert(column, {name, std::vector<std::uint64_t>(count)});
+    column->second[level] = bytes;
+  };
+  for (std::size_t i = 0; i < count; ++i)
+    for (const auto& [name, bytes] : json["levels"][i]["streams"].items()) add(name, i, bytes);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Json& level = json["levels"][i];
+    std::uint64_t rest = level["bytes"];
+    for (const Json& layer : level["layers"]) add("layer " + printable(layer["name"]), i, layer["bytes"]);
+    for (const auto& column : columns) rest -= std::min(rest, column.second[i]);
+    add("other", i, rest);
+  }
+  std::string text = "bytes ";
+  std::erase_if(columns, [](const auto& c) {
+    return std::all_of(c.second.begin(), c.second.end(), [](std::uint64_t bytes) { return bytes == 0; });
+  });
+  for (const auto& [name, bytes] : columns) text += fmt::format("  {:>10}", name);
+  text += "         all\n";
+  for (std::size_t i = 0; i < count; ++i) {
+    text += fmt::format("{:<6}", printable(json["levels"][i]["name"]));
+    for (const auto& [name, bytes] : columns)
+      text += fmt::format("  {:>{}}", bytes[i], std::max<std::size_t>(10, name.size()));
+    text += fmt::format("  {:>10}\n", json["levels"][i]["bytes"].get<std::uint64_t>());
+  }
+  return text;
+}
+
+std::string pair_text(const Json& json, bool with_bytes) {
   const Json& source = json["source"];
   const auto string = [](const Json& value) { return printable(value.get<std::string>()); };
   const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
@@ -64,6 +123,8 @@ std::string pair_text(const Json& json) {
         100 * level["texels_used"].get<double>() / static_cast<double>(width * height), bytes(level["bytes"]),
         each.is_null() ? "-" : fmt::format("{:.3g} B", each.get<double>()), layers);
   }
+  text += errors_text(json);
+  if (with_bytes) text += bytes_text(json);
   for (const Json& level : json["levels"])
     if (!level["derived_from"].is_null())
       text += string(level["name"]) + " is derived from " + string(level["derived_from"]) + "\n";
@@ -134,6 +195,7 @@ std::string scan_text(const Json& json) {
     text += "not finite  " + counted(json["non_finite"].get<std::uint64_t>(), "vertex") + "\n";
   text += "bounds      " + bounds_text(json["bounds"]) + "\n";
   text += "shift       " + vec_text(json["shift"]) + "\n";
+  text += "units       " + json["units"].get<std::string>() + "\n";
   text += "vertices    position";
   for (const char* attribute : {"normals", "radii", "colors"})
     if (json[attribute].get<bool>()) text += std::string(" ") + attribute;
@@ -144,11 +206,13 @@ std::string scan_text(const Json& json) {
   return text;
 }
 
-void run_info(Context& context, const std::string& path, bool as_json) {
+void run_info(Context& context, const std::string& path, bool as_json, bool with_bytes) {
   const Json json = describe(path, {.memory = context.memory, .tessellate = {}});
   const std::string kind = json["kind"].get<std::string>();
+  if (with_bytes && kind != "rbvh")
+    throw Error(ErrorKind::kUsage, path, "--bytes is for pairs, and this is none");
   if (as_json) return print_json(json);
-  print_data(kind == "rbvh"    ? pair_text(json)
+  print_data(kind == "rbvh"    ? pair_text(json, with_bytes)
              : kind == "proxy" ? proxy_text(json)
              : kind == "scene" ? scene_text(json)
                                : scan_text(json));
@@ -159,15 +223,17 @@ void run_info(Context& context, const std::string& path, bool as_json) {
 void add_info(CLI::App& app, Context& context) {
   struct Options {
     std::string file;
-    bool as_json = false;
+    bool as_json = false, with_bytes = false;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* stage =
-      add_stage(app, context,
-                {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"},
-                0, [&context, options] { run_info(context, options->file, options->as_json); });
+  CLI::App* stage = add_stage(
+      app, context,
+      {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"}, 0,
+      [&context, options] { run_info(context, options->file, options->as_json, options->with_bytes); });
   stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
       ->required();
+  stage->add_flag("--bytes", options->with_bytes,
+                  "of a pair, also where its bytes are: each level's streams and layers");
   stage->add_flag("--json", options->as_json, "as JSON");
 }
 

@@ -10,12 +10,14 @@
 #include "io/report_json.h"
 #include "io/report_text.h"
 #include "io/scan_io.h"
+#include "pipeline/base/units.h"
 
 namespace rbvh {
 namespace {
 
 struct IngestOptions {
   std::vector<std::string> inputs;
+  std::string units;  // empty: as the inputs state them
   IngestConfig config;
   std::vector<const CLI::Option*> of_clouds;  // that meshes have no use for, beside what ingest() refuses
 };
@@ -38,6 +40,19 @@ std::size_t parse_neighbors(std::string_view text) {
   return static_cast<std::size_t>(count);
 }
 
+std::string parse_units(std::string_view text) {
+  if (!unit_meters(text))
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not " + std::string(kUnitNames));
+  return std::string(text);
+}
+
+/// A scan's own units are not converted.
+void state_units(RawScan& scan, const std::string& name, const std::string& units) {
+  if (!units.empty() && !scan.units.empty() && units != scan.units)
+    throw Error(ErrorKind::kUsage, name, "--units: it states that it is in " + scan.units);
+  if (!units.empty()) scan.units = units;
+}
+
 void check_extension(const std::string& output) {
   const std::string extension = std::filesystem::path(output).extension().string();
   for (const char* other : {".obj", ".stl", ".off", ".pcd", ".xyz", ".csv", ".txt", ".las", ".rbvh"})
@@ -56,6 +71,7 @@ void run_ingest(Context& context, const IngestOptions& options) {
     refuse_options(options.of_clouds, options.inputs[0], "is for clouds, and this is a mesh");
   const double read_seconds = watch.lap();
   const std::string name = options.inputs.size() == 1 ? options.inputs[0] : "the inputs";
+  state_units(all, name, options.units);
   IngestReport counts;
   const Scan scan = ingest(std::move(all), name, options.config, counts, context.progress.callback());
   const double clean_seconds = watch.lap();
@@ -91,6 +107,8 @@ void add_ingest(CLI::App& app, Context& context) {
                  "neighbours from which a cloud's normals and radii are estimated (default: 16)"));
   add_parsed(*stage, "--viewpoint", config.viewpoint, parse_vec3, "X,Y,Z",
              "where the scanner stood, in the input's coordinates (default: the file's, else none)");
+  add_parsed(*stage, "--units", options->units, parse_units, "mm",
+             "what the coordinates are in: mm, cm, m, km, in or ft; it is noted, nothing is converted");
   stage->add_flag("--recompute-normals", config.recompute_normals,
                   "estimate a cloud's normals even where the file has them");
   stage->add_flag("--flip-normals", config.flip_normals, "turn all normals and faces to the other side");

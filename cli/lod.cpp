@@ -1,10 +1,12 @@
 // rbvh lod: a smaller pair of a pair, by levels, bytes or error.
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <optional>
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
+#include "cli/error_bound.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "cli/views_options.h"
@@ -20,7 +22,7 @@ struct LodOptions {
   std::string file, against;
   std::vector<std::string> levels, dropped;
   std::optional<std::uint64_t> most_bytes;
-  std::optional<double> most_error;  // percent of the diagonal
+  std::optional<ErrorBound> most_error;
   ViewsConfig views;
 };
 
@@ -46,14 +48,25 @@ void measure(Context& context, const LodOptions& options, std::optional<Device>&
                     context.progress.callback());
 }
 
-std::string choose_by_error(const LodOptions& options, const Rbvh& rbvh) {
-  if (const std::vector<std::string> unknown = unmeasured_levels(rbvh); !unknown.empty())
-    throw Error(ErrorKind::kInput, options.file,
-                "level " + unknown[0] +
-                    (options.against.empty()
-                         ? " was not measured; build with --measure, or name the scan with --against"
-                         : " and " + options.against + " are hit by no ray both; is it another scan?"));
-  return choose_level_by_error(rbvh, *options.most_error, options.file);
+std::string choose_by_error(Context& context, const LodOptions& options, const Rbvh& rbvh) {
+  const bool was_measured = !options.against.empty();  // then nothing else will do
+  for (const Level& level : rbvh.levels)
+    if (const KnownError error = known_error(rbvh, level);
+        std::isnan(error.percent) || (was_measured && !error.is_measured))
+      throw Error(
+          ErrorKind::kInput, options.file,
+          "level " + level.name +
+              (!was_measured ? " was not measured, and was built for no error; build with --measure, or name "
+                               "the scan with --against"
+                             : " and " + options.against + " are hit by no ray both; is it another scan?"));
+  const double diagonal = static_cast<double>(rbvh.source.bounds.diagonal());
+  const double most = part_of_diagonal(*options.most_error, "%", {diagonal, rbvh.source.units}, options.file);
+  const Level& level = choose_level_by_error(rbvh, 100 * most, options.file);
+  if (!known_error(rbvh, level).is_measured)
+    note(context, "rbvh lod: " + level.name +
+                      " is chosen by the error that it was built for; it was not measured (--against SCAN "
+                      "does that)");
+  return level.name;
 }
 
 void run_lod(Context& context, const LodOptions& options) {
@@ -78,7 +91,7 @@ void run_lod(Context& context, const LodOptions& options) {
   derive(rbvh, choice.derived);
   keep_levels(rbvh, choice.names);
   if (!options.against.empty()) measure(context, options, device, pair);
-  if (options.most_error) keep_levels(rbvh, {choose_by_error(options, rbvh)});
+  if (options.most_error) keep_levels(rbvh, {choose_by_error(context, options, rbvh)});
   const double work_seconds = watch.lap();
 
   std::function<void(Rbvh&)> add_coarser;
@@ -111,9 +124,11 @@ void add_lod(CLI::App& app, Context& context) {
       *stage, "--max-bytes", options->most_bytes, parse_file_size, "SIZE",
       "the finest levels that fit into both files together, such as 2MB (exit 5: none); where even the "
       "coarsest is too large, coarser ones are derived");
-  add_parsed(*stage, "--max-error", options->most_error, parse_above_zero, "PERCENT",
-             "the smallest level whose surface distance (rms, the larger of both ways, % of the diagonal) is "
-             "within; as build --measure stored it, or see --against");
+  add_parsed(
+      *stage, "--max-error", options->most_error, parse_error_bound, "0.01%",
+      "the smallest level whose surface distance (rms, the larger of both ways) is within: in % of the "
+      "diagonal (also without a unit), mm, cm, m, km, in, ft, or units (the scan's); as build "
+      "--measure or --against found it, else as the level was built for");
   stage->add_option("--against", options->against, "the scan: measures the levels that were not measured yet")
       ->type_name("SCAN");
   add_views_options(*stage, options->views, "--against");

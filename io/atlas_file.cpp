@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "io/tiff_bytes.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/rbvh/leaf_primitives.h"
@@ -175,6 +176,10 @@ void decode_atlas(std::span<const std::byte> file, const std::string& path, Stor
       ++subimage;
     }
   if (in->seek_subimage(subimage, 0)) refuse(path, "has more subimages than its hierarchy has layers");
+  const std::vector<std::uint64_t> bytes = tiff_subimage_bytes(file);
+  std::size_t next = 0;
+  for (Level& level : rbvh.levels)
+    for (Layer& layer : level.layers) layer.stored_bytes = next < bytes.size() ? bytes[next++] : 0;
   static_cast<void>(in->geterror());  // clears the error: there must be none
 }
 

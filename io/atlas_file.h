@@ -23,9 +23,9 @@ std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const 
 /// predictor then takes the differences along rows of: of a smooth surface little is left.
 enum class StoredHeights { kPlain, kDifferences };
 
-/// Fills the texels of `rbvh`, whose levels and layers say what to expect, from the bytes of an atlas file.
-/// Hostile bytes are expected: memory is bounded by 1100 times their number. Throws Error(kInput), naming
-/// `path`.
+/// Fills the texels and stored bytes of `rbvh`, whose levels and layers say what to expect, from the bytes of
+/// an atlas file. Hostile bytes are expected: memory is bounded by 1100 times their number. Throws
+/// Error(kInput), naming `path`.
 void decode_atlas(std::span<const std::byte> file, const std::string& path, StoredHeights stored, Rbvh& rbvh);
 
 }  // namespace rbvh

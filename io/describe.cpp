@@ -46,12 +46,30 @@ std::uint64_t primitives_of(const RbvhSource& source) {
   return source.triangles > 0 ? source.triangles : source.vertices;
 }
 
-Json level_json(const Level& level, std::uint64_t primitives) {
+Json streams_json(const StreamBytes& s) {
+  return {{"tree", s.tree},     {"leaves", s.leaves}, {"positions", s.positions}, {"normals", s.normals},
+          {"colors", s.colors}, {"radii", s.radii},   {"triangles", s.triangles}};
+}
+
+/// Surface distances that were measured, the larger of both ways: of the diagonal, and in scan units.
+Json reached_json(const LevelFidelity& fidelity, double diagonal) {
+  if (!fidelity.measured || fidelity.more.views == 0) return nullptr;
+  const LevelMeasures& m = fidelity.more;
+  const auto rms = static_cast<double>(std::max(m.to_scan_rms, m.to_level_rms)),
+             most = static_cast<double>(std::max(m.to_scan_max, m.to_level_max));
+  return {{"error", rms}, {"error_length", rms * diagonal}, {"max", most}, {"max_length", most * diagonal}};
+}
+
+Json level_json(const Level& level, const RbvhSource& source) {
+  const std::uint64_t primitives = primitives_of(source);
+  const auto diagonal = static_cast<double>(source.bounds.diagonal());
   Json json = {{"name", level.name},
                {"rho", float_json(level.rho)},
                {"alpha", float_json(level.alpha)},
                {"phi_degrees", float_json(level.phi_degrees)},
                {"error", float_json(level.error)},
+               {"error_length", static_cast<double>(level.error) * diagonal},
+               {"reached", reached_json(level.fidelity, diagonal)},
                {"nodes", level.nodes.size()},
                {"leaves", level.leaves.size()},
                {"primitive_leaves", level.primitive_leaves.size()},
@@ -59,6 +77,7 @@ Json level_json(const Level& level, std::uint64_t primitives) {
                {"atlas", {level.atlas_width, level.atlas_height}},
                {"texels_used", level.texels_used},
                {"bytes", level.stored_bytes},
+               {"streams", streams_json(level.streams)},
                {"bytes_per_primitive", primitives == 0 ? Json(nullptr)
                                                        : Json(static_cast<double>(level.stored_bytes) /
                                                               static_cast<double>(primitives))},
@@ -71,7 +90,8 @@ Json level_json(const Level& level, std::uint64_t primitives) {
                               {"channels", layer.channels},
                               {"atlas", {width, height}},
                               {"lo", float_json(layer.lo)},
-                              {"hi", float_json(layer.hi)}});
+                              {"hi", float_json(layer.hi)},
+                              {"bytes", layer.stored_bytes}});
   }
   json["derived_from"] = level.derived_from.empty() ? Json(nullptr) : Json(level.derived_from);
   json["fidelity"] = fidelity_json(level.fidelity);
@@ -99,10 +119,11 @@ Json pair_json(const std::string& path, const LoadConfig& config) {
         {"area", source.area},
         {"units", source.units},
         {"shift", vec_json(source.shift)},
-        {"bounds", bounds_json(source.bounds)}}},
+        {"bounds", bounds_json(source.bounds)},
+        {"diagonal", static_cast<double>(source.bounds.diagonal())}}},
       {"build_options", Json::parse(rbvh.build_options)},
       {"levels", Json::array()}};
-  for (const Level& level : rbvh.levels) json["levels"].push_back(level_json(level, primitives_of(source)));
+  for (const Level& level : rbvh.levels) json["levels"].push_back(level_json(level, source));
   return json;
 }
 
@@ -213,6 +234,7 @@ Json scan_json(const std::string& path, const LoadConfig& config) {
                {"non_finite", non_finite},
                {"bounds", bounds_json(box)},
                {"shift", vec_json(scan.shift)},
+               {"units", scan.units.empty() ? "unknown" : scan.units},
                {"normals", !scan.normals.empty()},
                {"radii", !scan.radii.empty()},
                {"colors", !scan.colors.empty()},

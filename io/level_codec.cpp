@@ -89,7 +89,8 @@ std::int32_t unzigzag(std::uint32_t code, std::int32_t before) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(before) + difference);
 }
 
-/// The count behind the values in four bytes: the codec alone pads to groups of 16 and would take a wrong one.
+/// The count behind the values in four bytes: the codec alone pads to groups of 16 and would take a wrong
+/// one.
 template <class T>
 Bytes encode_vertices(const std::vector<T>& values) {
   static_assert(sizeof(T) % 4 == 0);
@@ -581,6 +582,16 @@ LevelCounts level_counts(const Level& level) {
 std::uint64_t stream_bytes(const LevelStreams& s) {
   return s.tree.size() + s.leaves.size() + s.positions.size() + s.normals.size() + s.colors.size() +
          s.radii.size() + s.triangles.size();
+}
+
+StreamBytes bytes_by_stream(const LevelStreams& s) {
+  return {.tree = s.tree.size(),
+          .leaves = s.leaves.size(),
+          .positions = s.positions.size(),
+          .normals = s.normals.size(),
+          .colors = s.colors.size(),
+          .radii = s.radii.size(),
+          .triangles = s.triangles.size()};
 }
 
 LevelStreams encode_streams(const Level& level, const std::string& path) {

@@ -22,6 +22,7 @@ struct LevelStreams {
   std::vector<std::uint8_t> tree, leaves, positions, normals, colors, radii, triangles;
 };
 std::uint64_t stream_bytes(const LevelStreams& streams);
+StreamBytes bytes_by_stream(const LevelStreams& streams);
 
 /// Frames and boxes are rounded to the level's grid, positions to its lattice, as a build has rounded them
 /// already. Throws Error(kFailure), naming `path`, for a tree whose leaves are not numbered from left to

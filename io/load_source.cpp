@@ -14,7 +14,7 @@ SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
   refuse_proxy(path);
   const InputBytes bytes = read_input(path);
   check_budget(memory, std::uint64_t{bytes.size} * 3, path, "reading it");
-  SourceScan source{{}, source_name(path), hash_bytes(bytes.view())};
+  SourceScan source{{}, source_name(path), hash_bytes(bytes.view()), bytes.size};
   source.scan = shift_to_float(parse_scan(bytes.view(), path));
   check_usable(source.scan, path);
   return source;

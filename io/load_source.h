@@ -11,8 +11,9 @@ namespace rbvh {
 
 struct SourceScan {
   Scan scan;
-  std::string name;        ///< of the file, without folders; "stdin" for "-"
-  std::uint64_t hash = 0;  ///< of its bytes
+  std::string name;         ///< of the file, without folders; "stdin" for "-"
+  std::uint64_t hash = 0;   ///< of its bytes
+  std::uint64_t bytes = 0;  ///< how many these are
 };
 
 /// Throws Error(kInput), also where nothing finite is left or all points are equal; Error(kBudget).

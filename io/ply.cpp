@@ -277,6 +277,7 @@ template <class Source>
 RawScan read_body(Source in, const Header& header, const std::string& file) {
   RawScan scan;
   scan.shift = header.shift;
+  scan.units = header.units;
   std::uint64_t vertex_count = 0;
   bool has_vertices = false;
   for (const Element& element : header.elements) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "io/text_cursor.h"
+#include "pipeline/base/units.h"
 
 namespace rbvh::ply {
 namespace {
@@ -44,9 +45,15 @@ Property parse_property(const TextCursor& at, TextCursor& words) {
   return property;
 }
 
-/// "comment rbvh shift X Y Z", as encode_ply writes it.
+/// "comment rbvh shift X Y Z" and "comment rbvh units mm", as encode_ply writes them.
 void parse_comment(TextCursor& words, Header& header) {
-  if (words.word() != "rbvh" || words.word() != "shift") return;
+  if (words.word() != "rbvh") return;
+  const std::string_view what = words.word();
+  if (what == "units") {
+    const std::string_view units = words.word();
+    if (unit_meters(units)) header.units = units;
+  }
+  if (what != "shift") return;
   Vec3d shift;
   for (int axis = 0; axis < 3; ++axis) {
     const std::string_view word = words.word();

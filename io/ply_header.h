@@ -37,6 +37,7 @@ struct Header {
   Format format = Format::kAscii;
   std::vector<Element> elements;
   Vec3d shift{};
+  std::string units;     ///< stated by rbvh; empty: none
   std::size_t size = 0;  ///< bytes up to the body
 };
 

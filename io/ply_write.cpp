@@ -42,6 +42,7 @@ std::string header(const Scan& scan) {
     text += "comment original coordinates are these plus the shift\ncomment rbvh shift " +
             round_trip(scan.shift.x) + " " + round_trip(scan.shift.y) + " " + round_trip(scan.shift.z) + "\n";
   }
+  if (!scan.units.empty()) text += "comment rbvh units " + scan.units + "\n";
   text += "element vertex " + std::to_string(scan.positions.size()) +
           "\nproperty float x\nproperty float y\nproperty float z\n";
   if (!scan.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";

@@ -119,6 +119,7 @@ Level to_level(const file::Level& from, double area, const std::string& path) {
     refuse(path,
            "is malformed: a level has a name that is not letters, digits, _ and -" + std::string(kRebuild));
   decode_streams(streams, {c.leaves(), c.primitive_leaves(), c.vertices(), c.triangles()}, area, path, level);
+  level.streams = bytes_by_stream(streams);
   level.stored_bytes = stream_bytes(streams) + layer_tile_bytes(level) + from.atlas_bytes();
   return level;
 }

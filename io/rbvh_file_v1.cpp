@@ -103,10 +103,12 @@ Rbvh decode_hierarchy_v1(std::span<const std::byte> file, flatbuffers::Verifier&
     level.primitive_leaves = to_structs<RbvhPrimitiveLeaf>(from->exact_leaves());
     take_primitives(to_structs<RbvhPrimitive>(from->exact_primitives()), from->exact_discs(),
                     level.primitives);
-    level.stored_bytes = from->nodes()->size() * sizeof(RbvhNode) + level.leaves.size() * sizeof(RbvhLeaf) +
-                         level.primitive_leaves.size() * sizeof(RbvhPrimitiveLeaf) +
-                         primitive_count(level) * sizeof(RbvhPrimitive) + layer_tile_bytes(level) +
-                         from->atlas_bytes();
+    level.streams = {.tree = from->nodes()->size() * sizeof(RbvhNode),
+                     .leaves = level.leaves.size() * sizeof(RbvhLeaf) +
+                               level.primitive_leaves.size() * sizeof(RbvhPrimitiveLeaf),
+                     .positions = primitive_count(level) * sizeof(RbvhPrimitive)};
+    level.stored_bytes = level.streams.tree + level.streams.leaves + level.streams.positions +
+                         layer_tile_bytes(level) + from->atlas_bytes();
     if (find_layer(level, "color") != nullptr)
       level.primitives.colors.resize(level.primitives.positions.size());
     if (const char* fault = find_place_fault(level)) refuse(path, fault);

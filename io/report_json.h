@@ -21,7 +21,7 @@ nlohmann::ordered_json device_json(const DeviceInfo& info);
 /// "gpu", "cpu" or "other".
 const char* device_type(const DeviceInfo& info);
 
-/// "inputs", "kind", counts of what was read, removed, added and is left, "shift", "bounds", "area".
+/// "inputs", "kind", counts of what was read, removed, added and is left, "shift", "bounds", "area", "units".
 nlohmann::ordered_json ingest_json(const IngestReport& counts, const Scan& scan,
                                    const std::vector<std::string>& inputs);
 

@@ -135,6 +135,12 @@ void merge_scan(RawScan& all, RawScan&& scan) {
   }
   if (all.triangles.empty() != scan.triangles.empty())
     throw Error(ErrorKind::kInput, "", "a mesh and a cloud cannot be merged; ingest them one by one");
+  if (all.units != scan.units) {
+    const auto shown = [](const std::string& units) { return units.empty() ? "none" : units; };
+    throw Error(ErrorKind::kInput, "",
+                "the inputs state different units (" + shown(all.units) + ", " + shown(scan.units) +
+                    "); ingest them one by one, and state those that are missing");
+  }
   const std::size_t count = all.positions.size(), more = scan.positions.size();
   if (count + more >= std::numeric_limits<std::uint32_t>::max())
     throw Error(ErrorKind::kInput, "",

@@ -30,6 +30,28 @@ const std::vector<LevelConfig>& standard_levels();
 /// Those of these names (empty: all), finest first in whatever order they are named. Throws Error(kUsage).
 std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names);
 
+/// The finest error that a level may be built for, of the scan's diagonal: float coordinates hold no finer
+/// ones; and the coarsest, where nothing is left of a shape.
+inline constexpr double kFinestError = 1e-6, kCoarsestError = 0.1;
+
+/// A level of any error, of the scan's diagonal. Its other parameters follow from the standard levels':
+/// between two of them log(rho), alpha and phi are linear in log(error); beyond Q0 and Q4 alpha and phi stay,
+/// and rho goes on as 1 / error (to 32 million texels, and to 221). Its name is that of the standard level
+/// whose error is nearest (the smallest ratio; of equally near ones the finer). Throws Error(kUsage) for an
+/// error that is not kFinestError to kCoarsestError.
+LevelConfig level_of_error(double error);
+
+/// A level by its name, with an error of its own.
+struct WantedLevel {
+  std::string name;
+  std::optional<double> error;  ///< of the scan's diagonal; none: the standard one
+};
+
+/// Standard levels, some with errors of their own (level_of_error()), finest first in whatever order they are
+/// named; none wanted: all. Throws Error(kUsage) as the above, also where a level is wanted with two errors,
+/// or with one that is not coarser than that of the finer level before it.
+std::vector<LevelConfig> wanted_levels(const std::vector<WantedLevel>& wanted);
+
 /// The same without their errors: the paper's rule alone decides, and all comes from the scan's own
 /// primitives.
 std::vector<LevelConfig> by_density(std::vector<LevelConfig> levels);

@@ -40,6 +40,7 @@ struct ScanAttributes {
   std::vector<std::int32_t>
       object_ids;                     ///< one per triangle (mesh) or per point (cloud), or empty: one object
   std::vector<Viewpoint> viewpoints;  ///< at most one for each file that was merged
+  std::string units;                  ///< of the coordinates: mm, cm, m, km, in or ft; empty: not known
 };
 
 /// A scan as a file has it, before its coordinates are made small enough for float.

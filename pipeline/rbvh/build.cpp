@@ -83,32 +83,6 @@ Level build_of_primitives(SimplifiedScan& simplified, const LevelRule& rule, con
 
 }  // namespace
 
-const std::vector<LevelConfig>& standard_levels() {
-  static const std::vector<LevelConfig> levels = {{"Q0", 2e6f, 0.85f, 45, 1.6e-5f},
-                                                  {"Q1", 1e6f, 0.80f, 50, 3.2e-5f},
-                                                  {"Q2", 512e3f, 0.75f, 55, 5.8e-5f},
-                                                  {"Q3", 128e3f, 0.70f, 60, 1.7e-4f},
-                                                  {"Q4", 32e3f, 0.65f, 65, 6.9e-4f}};
-  return levels;
-}
-
-std::vector<LevelConfig> standard_levels(const std::vector<std::string>& names) {
-  if (names.empty()) return standard_levels();
-  std::vector<LevelConfig> chosen;
-  for (const LevelConfig& level : standard_levels())
-    if (std::find(names.begin(), names.end(), level.name) != names.end()) chosen.push_back(level);
-  for (const std::string& name : names)
-    if (std::none_of(chosen.begin(), chosen.end(),
-                     [&](const LevelConfig& level) { return level.name == name; }))
-      throw Error(ErrorKind::kUsage, "", "there is no level '" + name + "'; there are Q0, Q1, Q2, Q3 and Q4");
-  return chosen;
-}
-
-std::vector<LevelConfig> by_density(std::vector<LevelConfig> levels) {
-  for (LevelConfig& level : levels) level.error = 0;
-  return levels;
-}
-
 void check_buildable(const Scan& scan, const std::string& file) {
   for (std::size_t i = 0; i < scan.positions.size(); ++i)
     if (!is_finite(scan.positions[i]))
@@ -177,6 +151,7 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   rbvh.source.triangles = scan.triangles.size();
   rbvh.source.area = area;
   rbvh.source.shift = scan.shift;
+  if (!scan.units.empty()) rbvh.source.units = scan.units;
   rbvh.source.bounds = bounds(scan);
   return rbvh;
 }

@@ -68,7 +68,8 @@ bool holds_primitives(Hybrid hybrid, const LevelFacts& level) {
 }
 
 float cloud_rho(float rho, std::uint32_t points) {
-  return rho * std::min(1.0f, kTexelsPerPoint * static_cast<float>(points) / standard_levels().front().rho);
+  const float most = kTexelsPerPoint * static_cast<float>(points);
+  return std::min(rho * std::min(1.0f, most / standard_levels().front().rho), most);
 }
 
 bool is_noisy_mesh(double area, double smooth_area) { return area > kNoisyArea * smooth_area; }

@@ -62,7 +62,8 @@ bool holds_primitives(Hybrid hybrid, const LevelFacts& level);
 inline constexpr std::uint32_t kMostLeafPrimitives = 64;
 
 /// Texels finer than a cloud's points lie apart hold nothing that coarser ones do not: all levels of a cloud
-/// are made coarser by as much as it takes for Q0 to have no more texels than its points are worth.
+/// are made coarser by as much as it takes for Q0 to have no more texels than its points are worth, and no
+/// level has more.
 float cloud_rho(float rho, std::uint32_t points);
 
 /// A mesh whose noise adds more than a tenth to its area is noisy all over. `smooth_area`: without that

@@ -121,22 +121,31 @@ std::vector<std::string> unmeasured_levels(const Rbvh& rbvh) {
   return names;
 }
 
-std::string choose_level_by_error(const Rbvh& rbvh, double most, const std::string& file) {
-  const std::vector<std::string> unmeasured = unmeasured_levels(rbvh);
-  if (!unmeasured.empty())
-    throw Error(ErrorKind::kInput, file, "level " + unmeasured[0] + " was not measured");
+KnownError known_error(const Rbvh& rbvh, const Level& level) {
+  const double measured = error_percent(level.fidelity);
+  if (!std::isnan(measured)) return {measured, true};
+  if (rbvh.source.triangles == 0 || !(level.error > 0))
+    return {std::numeric_limits<double>::quiet_NaN(), false};
+  return {100 * static_cast<double>(level.error), false};
+}
+
+const Level& choose_level_by_error(const Rbvh& rbvh, double most, const std::string& file) {
+  constexpr double kRounding = 1 + 1e-6;  // levels have theirs in float
   const Level* chosen = nullptr;
   double least = std::numeric_limits<double>::infinity();
   for (const Level& level : rbvh.levels) {  // finest first: the last one is the smallest
-    const double error = error_percent(level.fidelity);
+    const double error = known_error(rbvh, level).percent;
+    if (std::isnan(error))
+      throw Error(ErrorKind::kInput, file,
+                  "level " + level.name + " was not measured, and was built for no error");
     least = std::min(least, error);
-    if (error <= most) chosen = &level;
+    if (error <= most * kRounding) chosen = &level;
   }
   if (chosen == nullptr)
     throw Error(ErrorKind::kBudget, file,
                 "no level is within an error of " + three_digits(most) + "% of the diagonal; the best has " +
                     three_digits(least) + "%");
-  return chosen->name;
+  return *chosen;
 }
 
 std::vector<std::size_t> choose_levels_by_bytes(std::span<const std::uint64_t> bytes, std::uint64_t most) {

@@ -48,9 +48,19 @@ void keep_levels(Rbvh& rbvh, const std::vector<std::string>& names);
 /// The names of the levels that have no error_percent().
 std::vector<std::string> unmeasured_levels(const Rbvh& rbvh);
 
-/// The coarsest level whose error_percent() is at most `most` percent of the diagonal. Throws Error(kInput)
-/// where one was not measured, Error(kBudget) where none is within; `file` is for messages.
-std::string choose_level_by_error(const Rbvh& rbvh, double most, const std::string& file);
+/// A level's error as far as it is known, in % of the diagonal.
+struct KnownError {
+  double percent = 0;        ///< NaN: not known
+  bool is_measured = false;  ///< error_percent(); else what it was built for
+};
+
+/// What was reached where it was measured, else what was asked for. A cloud's levels, and those by density,
+/// are known by measures alone: no error shaped them.
+KnownError known_error(const Rbvh& rbvh, const Level& level);
+
+/// The coarsest level whose known_error() is at most `most` percent of the diagonal. Throws Error(kInput)
+/// where one is not known, Error(kBudget) where none is within; `file` is for messages.
+const Level& choose_level_by_error(const Rbvh& rbvh, double most, const std::string& file);
 
 /// The finest set that fits, greedily: from the front, each level that still fits beside those already
 /// chosen. `bytes` of each, finest first; the indices are in that order.

@@ -38,6 +38,13 @@ struct Layer {
   /// corner texels lie where those of the leaf's tile do. None: the level's atlas.
   std::uint32_t width = 0, height = 0;
   std::vector<LayerTile> tiles{};
+  std::uint64_t stored_bytes = 0;  ///< in the atlas file it was read from: its compressed texels
+};
+
+/// What a level's hierarchy takes in the file that it was read from, by what it is for.
+struct StreamBytes {
+  std::uint64_t tree = 0, leaves = 0;
+  std::uint64_t positions = 0, normals = 0, colors = 0, radii = 0, triangles = 0;  ///< of the primitives
 };
 
 /// Further measures over all views (format 1.2). dt and surface distances are fractions of the scan's
@@ -102,6 +109,7 @@ struct Level {
   LevelFidelity fidelity{};
   std::string derived_from;        ///< the level from whose surface it was built; empty: the scan's
   std::uint64_t stored_bytes = 0;  ///< its share of the pair it was read from: nodes, leaves, layers
+  StreamBytes streams;             ///< of that
 };
 
 /// The layer of that name, or nullptr.

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/units.h"
 #include "pipeline/rbvh/level_mesh.h"
 #include "pipeline/rbvh/lod.h"
 #include "pipeline/scene/asset_content.h"
@@ -65,6 +66,7 @@ Scan level_mesh(const Asset& pair, const std::string& name, LevelMeshCounts* cou
   if (mesh.positions.empty() || mesh.is_cloud() != pair.is_cloud)
     throw Error(ErrorKind::kInput, pair.path, "level " + level->name + " has no surface");
   mesh.shift = rbvh->source.shift;
+  if (unit_meters(rbvh->source.units)) mesh.units = rbvh->source.units;
   return mesh;
 }
 

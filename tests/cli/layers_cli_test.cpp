@@ -75,7 +75,7 @@ TEST_F(Detail, LodFitsIntoBytes) {
 }
 
 TEST_F(Detail, LodKeepsToAnError) {
-  good("build ball.ply -o plain.rbvh --levels Q4 --hybrid off");
+  good("build ball.ply -o plain.rbvh --levels Q4 --levels-by density --hybrid off");
   bad("lod plain.rbvh --max-error 1 -o x.rbvh", 3, "--measure");
   good("lod plain.rbvh --max-error 90 -o coarse.rbvh --against ball.ply --views 2 --resolution 128");
   EXPECT_EQ(levels("coarse.rbvh"), "Q4 ");
@@ -343,22 +343,23 @@ TEST_F(Detail, RaysChooseTheirLevelByTheirWidth) {
 }
 
 TEST_F(Detail, PartitionOptionsChangeThePair) {
-  good("build ball.ply -o a.rbvh --levels Q3 --levels-by density");
+  good("build ball.ply -o a.rbvh --levels Q3 --levels-by density --hybrid off");
   const Json plain = info("a.rbvh");
   EXPECT_EQ(plain["build_options"]["split"], "median");
   for (const std::string words :
        {"--split sah", "--rays incoherent", "--focus 0,0,1 --focus-radius 0.3 --focus-level Q2",
         "--focus-camera 0,0,3"}) {
-    good("build ball.ply -f -o b.rbvh --levels Q3 --levels-by density " + words);
+    good("build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --hybrid off " + words);
     EXPECT_NE(read("b.atlas.tif"), read("a.atlas.tif")) << words;
     EXPECT_NE(info("b.rbvh")["build_options"], plain["build_options"]) << words;
   }
   good(
-      "build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --rays coherent --split median "
+      "build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --hybrid off --rays coherent --split "
+      "median "
       "--partition device");
   EXPECT_EQ(read("b.rbvh"), read("a.rbvh"));
   EXPECT_EQ(plain["build_options"]["partition"], "device");
-  good("build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --partition host");
+  good("build ball.ply -f -o b.rbvh --levels Q3 --levels-by density --hybrid off --partition host");
   const Json by_host = info("b.rbvh");
   EXPECT_EQ(by_host["build_options"]["partition"], "host");
   const double leaves = plain["levels"][0]["leaves"];

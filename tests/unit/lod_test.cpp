@@ -76,21 +76,44 @@ TEST(Lod, LevelsAreChosenByName) {
   EXPECT_EQ(level_names(rbvh), "Q3");
 }
 
+void set_measured(Level& level, float rms) {
+  level.fidelity.measured = true;
+  level.fidelity.more.views = 1;
+  level.fidelity.more.to_scan_rms = rms;
+}
+
 TEST(Lod, TheCoarsestLevelWithinAnErrorIsChosen) {
   Rbvh rbvh = with_levels({"Q0", "Q1", "Q2"});
+  rbvh.source.triangles = 1;
   EXPECT_EQ(unmeasured_levels(rbvh).size(), 3u);
-  EXPECT_EQ(kind_of_error([&] { choose_level_by_error(rbvh, 1, "a"); }), ErrorKind::kInput);
+  EXPECT_EQ(kind_of_error([&] { choose_level_by_error(rbvh, 1, "a"); }), ErrorKind::kInput)
+      << "by density, and not measured";
   float rms = 0.001f;
   for (Level& level : rbvh.levels) {
-    level.fidelity.measured = true;
-    level.fidelity.more.views = 1;
-    level.fidelity.more.to_scan_rms = rms;
+    set_measured(level, rms);
     rms *= 2;
   }
   EXPECT_TRUE(unmeasured_levels(rbvh).empty());
-  EXPECT_EQ(choose_level_by_error(rbvh, 0.3, "a"), "Q1");  // percent
-  EXPECT_EQ(choose_level_by_error(rbvh, 9, "a"), "Q2");
+  EXPECT_EQ(choose_level_by_error(rbvh, 0.3, "a").name, "Q1");  // percent
+  EXPECT_EQ(choose_level_by_error(rbvh, 9, "a").name, "Q2");
   EXPECT_EQ(kind_of_error([&] { choose_level_by_error(rbvh, 0.09, "a"); }), ErrorKind::kBudget);
+}
+
+TEST(Lod, WhatWasReachedCountsMoreThanWhatWasAskedFor) {
+  Rbvh rbvh = with_levels({"Q0", "Q1", "Q2"});
+  rbvh.source.triangles = 1;
+  for (std::size_t i = 0; i < 3; ++i) rbvh.levels[i].error = standard_levels()[i].error;
+  EXPECT_EQ(choose_level_by_error(rbvh, 0.0032, "a").name, "Q1") << "3.2e-5, which floats round";
+  EXPECT_EQ(choose_level_by_error(rbvh, 0.0031, "a").name, "Q0");
+  EXPECT_FALSE(known_error(rbvh, rbvh.levels[1]).is_measured);
+  set_measured(rbvh.levels[1], 4e-5f);
+  EXPECT_TRUE(known_error(rbvh, rbvh.levels[1]).is_measured);
+  EXPECT_EQ(choose_level_by_error(rbvh, 0.0032, "a").name, "Q0");
+  set_measured(rbvh.levels[2], 1e-5f);
+  EXPECT_EQ(choose_level_by_error(rbvh, 0.0032, "a").name, "Q2");
+  rbvh.source.triangles = 0;
+  EXPECT_EQ(kind_of_error([&] { choose_level_by_error(rbvh, 1, "a"); }), ErrorKind::kInput)
+      << "a cloud's Q0 was not measured";
 }
 
 TEST(Lod, TheMeshOfALevelIsItsSurface) {

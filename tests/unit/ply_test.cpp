@@ -157,6 +157,7 @@ TEST(Ply, WriteAndReadAgain) {
   mesh.triangles = {{0, 1, 2}};
   mesh.object_ids = {5};
   mesh.shift = {512600, 5403580.1, -1.0 / 3};
+  mesh.units = "mm";
   const std::string bytes = encoded(mesh);
   const RawScan read = parse_scan(bytes, "a.ply");
   EXPECT_EQ(static_cast<Vec3f>(read.positions[1]), mesh.positions[1]);
@@ -165,6 +166,7 @@ TEST(Ply, WriteAndReadAgain) {
   EXPECT_EQ(read.triangles, mesh.triangles);
   EXPECT_EQ(read.object_ids, mesh.object_ids);
   EXPECT_EQ(read.shift, mesh.shift);
+  EXPECT_EQ(read.units, "mm");
   ASSERT_EQ(read.properties.size(), 3u);
   EXPECT_EQ(read.properties[0].name, "red_2");
   EXPECT_EQ(read.properties[1].name, "gps_time");

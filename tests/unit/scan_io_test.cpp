@@ -127,6 +127,18 @@ TEST(MergeScan, MeshesGetObjectsOfTheirOwn) {
   EXPECT_THROW(merge_scan(all, parse_scan("1 2 3\n4 5 6\n", "a.xyz")), Error);
 }
 
+TEST(MergeScan, UnitsMustAgree) {
+  RawScan all, millimetres = parse_scan(kPly, "a.ply");
+  millimetres.units = "mm";
+  merge_scan(all, RawScan(millimetres));
+  merge_scan(all, RawScan(millimetres));
+  EXPECT_EQ(all.units, "mm");
+  millimetres.units = "in";
+  EXPECT_THROW(merge_scan(all, RawScan(millimetres)), Error);
+  millimetres.units.clear();
+  EXPECT_THROW(merge_scan(all, RawScan(millimetres)), Error);
+}
+
 TEST(MergeScan, EachCloudKeepsItsViewpoint) {
   const auto cloud = [](double x) {
     RawScan scan = parse_scan("0 0 0\n1 0 0\n", "a.xyz");
