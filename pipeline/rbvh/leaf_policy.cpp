@@ -24,7 +24,7 @@ constexpr std::uint32_t kTexelsPerPrimitive = 11;
 constexpr std::uint32_t kMaxUncoveredTexels = 64;
 
 /// Of the diagonal.
-constexpr float kWidestTexel = 1.2e-3f;
+constexpr float kWidestTexel = 9e-4f;
 /// Texels that take as many bytes as a simplified triangle, measured: 0.8 bytes each against 2.6.
 constexpr float kTexelsPerSimplified = 3;
 /// Texels that a point of a cloud is worth.
