@@ -25,6 +25,7 @@
 #include "io/rbvh_tables.h"
 #include "io/shallow_json.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
 #include "pipeline/base/text.h"
 #include "pipeline/rbvh/check_rbvh.h"
 #include "pipeline/rbvh/lod.h"
@@ -349,8 +350,10 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
   if (!fault && !are_build_options(rbvh.build_options)) fault = "the build options are no JSON object";
   if (fault) throw Error(ErrorKind::kFailure, path, "would be malformed: " + *fault + "; please report this");
 
-  std::vector<LevelStreams> streams;
-  for (const Level& level : rbvh.levels) streams.push_back(encode_streams(level, path));
+  std::vector<LevelStreams> streams(rbvh.levels.size());
+  parallel_for(streams.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) streams[i] = encode_streams(rbvh.levels[i], path);
+  });
   PairOutputs out(path, overwrite);
   RbvhBytes bytes;
   bytes.levels = write_atlas(out.atlas.temporary_path(), out.atlas.path(), rbvh);

@@ -90,7 +90,7 @@ struct BuildConfig {
   Hybrid hybrid = Hybrid::kAuto;
 };
 
-/// For reports: seconds by phase, summed over levels.
+/// For reports: seconds by phase, summed over levels, of which some are made at once.
 struct BuildTimings {
   double simplify = 0, upload = 0, partition = 0, rasterize = 0, pack = 0;
   struct PerLevel {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
@@ -131,21 +132,35 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     split_nodes(partition, primitives, {0}, any_level_splits, progress);
   time.partition += watch.lap();
 
+  // The device makes the levels of tiles while the host makes those of primitives.
   Rbvh rbvh;
-  SimplifiedScan simplified{.scan = &scan};
-  for (const LevelRule& rule : rules) {
-    report(progress, "tiles", static_cast<double>(rbvh.levels.size()) / static_cast<double>(rules.size()));
-    Stopwatch level_watch;
-    const Lattice lattice = lattice_of(rule.level, box);
-    if (rule.holds_primitives) {
-      rbvh.levels.push_back(build_of_primitives(simplified, rule, lattice, watch, time));
-    } else {
-      RefinedLevel refined = refine_level(primitives, partition, rule, watch, time);
-      rbvh.levels.push_back(pack_level(rule.level, refined, scan, area, lattice));
-      time.pack += watch.lap();
+  rbvh.levels.resize(rules.size());
+  time.levels.resize(rules.size());
+  BuildTimings chain_time;
+  std::future<void> chain = std::async(std::launch::async, [&] {
+    Stopwatch chain_watch;
+    SimplifiedScan simplified{.scan = &scan};
+    for (std::size_t i = 0; i < rules.size(); ++i) {
+      if (!rules[i].holds_primitives) continue;
+      Stopwatch level_watch;
+      rbvh.levels[i] =
+          build_of_primitives(simplified, rules[i], lattice_of(rules[i].level, box), chain_watch, chain_time);
+      time.levels[i] = {rules[i].level.name, level_watch.lap()};
     }
-    time.levels.push_back({rule.level.name, level_watch.lap()});
+  });
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    if (rules[i].holds_primitives) continue;
+    report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
+    Stopwatch level_watch;
+    RefinedLevel refined = refine_level(primitives, partition, rules[i], watch, time);
+    rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].level, box));
+    time.pack += watch.lap();
+    time.levels[i] = {rules[i].level.name, level_watch.lap()};
   }
+  chain.get();
+  time.simplify += chain_time.simplify;
+  time.partition += chain_time.partition;
+  time.pack += chain_time.pack;
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();
   rbvh.source.triangles = scan.triangles.size();

@@ -11,6 +11,7 @@
 
 #include "kernels/bvh/bvh_layout.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/parallel_for.h"
 #include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/atlas.h"
 #include "pipeline/rbvh/height_normals.h"
@@ -22,6 +23,7 @@
 namespace rbvh {
 namespace {
 
+constexpr std::size_t kGrain = 64;  // tiles
 /// Where fewer texels have normals further from those of their heights, no normals are stored.
 constexpr double kNormalsApartDegrees = 20, kMostApart = 0.1;
 /// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
@@ -178,19 +180,21 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& s
     level.layers.push_back({"color", 1, assemble_layer(tiles, refined.texels.colors, size)});
 
   std::vector<Bounds3f> boxes(tiles.size());
-  for (std::size_t k = 0; k < tiles.size(); ++k) {
-    if (tiles[k].decision == LeafDecision::kRasterize) {
-      float* const frame = tiles[k].leaf.to_tile;
-      unround_frame(level.grid, round_frame(level.grid, frame), frame);
-      boxes[k] = unround_box(level.grid, round_box(level.grid, tiles[k].bounds));
-      continue;
+  parallel_for(tiles.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      if (tiles[k].decision == LeafDecision::kRasterize) {
+        float* const frame = tiles[k].leaf.to_tile;
+        unround_frame(level.grid, round_frame(level.grid, frame), frame);
+        boxes[k] = unround_box(level.grid, round_box(level.grid, tiles[k].bounds));
+        continue;
+      }
+      if (scan.is_cloud())
+        sort_into_blocks(refined.held[k], scan);
+      else
+        sort_into_strips(refined.held[k], scan);
+      for (const std::uint32_t i : refined.held[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
     }
-    if (scan.is_cloud())
-      sort_into_blocks(refined.held[k], scan);
-    else
-      sort_into_strips(refined.held[k], scan);
-    for (const std::uint32_t i : refined.held[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
-  }
+  });
   TopTree tree = build_top_tree(boxes);
   store_primitives(level, tiles, tree.order, refined.held, scan);
   level.nodes = std::move(tree.nodes);
@@ -199,8 +203,10 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& s
     level.bounds.add(boxes[k]);
     if (tiles[k].decision == LeafDecision::kRasterize) level.texels_used += tiles[k].texels_used;
   }
-  for (const RbvhPrimitiveLeaf& leaf : level.primitive_leaves)
-    fit_frame(level.primitives, leaf.first, primitive_texel(area, config.rho), level.leaves[leaf.leaf]);
+  parallel_for(level.primitive_leaves.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (const RbvhPrimitiveLeaf& leaf : std::span(level.primitive_leaves).subspan(begin, end - begin))
+      fit_frame(level.primitives, leaf.first, primitive_texel(area, config.rho), level.leaves[leaf.leaf]);
+  });
   if (config.error > 0 && normals_apart(level, level.layers[1], kNormalsApartDegrees) < kMostApart)
     level.layers.erase(level.layers.begin() + 1);
   return level;

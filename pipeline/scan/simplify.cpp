@@ -6,7 +6,13 @@
 #include <cstring>
 #include <map>
 #include <numeric>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <utility>
 #include <vector>
+
+#include "pipeline/base/parallel_for.h"
 
 namespace rbvh {
 namespace {
@@ -64,16 +70,103 @@ void keep_components(std::size_t vertices, const std::vector<unsigned int>& befo
     if (!is_there[components.find(before[i])]) after.insert(after.end(), &before[i], &before[i] + 3);
 }
 
-std::vector<unsigned int> simplify_object(const Scan& scan, const std::vector<unsigned int>& indices,
-                                          float error) {
-  const auto* positions = reinterpret_cast<const float*>(scan.positions.data());
-  const std::size_t vertices = scan.positions.size();
-  const float scale = meshopt_simplifyScale(positions, vertices, sizeof(Vec3f));
-  std::vector<unsigned int> fewer(indices.size());
-  fewer.resize(meshopt_simplify(fewer.data(), indices.data(), indices.size(), positions, vertices,
-                                sizeof(Vec3f), 0, scale > 0 ? error / scale : 0, 0, nullptr));
-  keep_components(vertices, indices, fewer);
+/// Corners of triangles, three each.
+using Indices = std::vector<unsigned int>;
+
+Indices simplify_whole(std::span<const Vec3f> positions, const Indices& indices, float error,
+                       unsigned int options = 0) {
+  const auto* floats = reinterpret_cast<const float*>(positions.data());
+  const float scale = meshopt_simplifyScale(floats, positions.size(), sizeof(Vec3f));
+  Indices fewer(indices.size());
+  fewer.resize(meshopt_simplify(fewer.data(), indices.data(), indices.size(), floats, positions.size(),
+                                sizeof(Vec3f), 0, scale > 0 ? error / scale : 0, options, nullptr));
   return fewer;
+}
+
+/// Triangles that are simplified together: what they need stays in the cache, and each part has a thread.
+constexpr std::size_t kPartTriangles = 1 << 16;
+/// Where more of the vertices that are left lie at borders between parts, which stay, parts are too small.
+constexpr double kMostBorder = 1.0 / 16;
+
+/// Halves the triangles along the longest axis until they are few enough.
+void split_parts(std::span<const Vec3f> positions, const Indices& indices, std::span<std::uint32_t> triangles,
+                 std::vector<std::span<std::uint32_t>>& parts) {
+  if (triangles.size() <= kPartTriangles) {
+    parts.push_back(triangles);
+    return;
+  }
+  const auto first_corner = [&](std::uint32_t i) { return positions[indices[3 * std::size_t{i}]]; };
+  Bounds3f box;
+  for (const std::uint32_t i : triangles) box.add(first_corner(i));
+  const Vec3f e = box.extent();
+  const int axis = e.x >= e.y && e.x >= e.z ? 0 : e.y >= e.z ? 1 : 2;
+  const auto middle = triangles.begin() + static_cast<std::ptrdiff_t>(triangles.size() / 2);
+  std::nth_element(triangles.begin(), middle, triangles.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const float at_a = first_corner(a)[axis], at_b = first_corner(b)[axis];
+    return at_a < at_b || (at_a == at_b && a < b);
+  });
+  split_parts(positions, indices, triangles.first(triangles.size() / 2), parts);
+  split_parts(positions, indices, triangles.subspan(triangles.size() / 2), parts);
+}
+
+Indices simplify_part(std::span<const Vec3f> positions, const Indices& indices,
+                      std::span<const std::uint32_t> triangles, float error) {
+  std::unordered_map<unsigned int, unsigned int> numbers(triangles.size());
+  Indices vertices, own;
+  std::vector<Vec3f> own_positions;
+  for (const std::uint32_t i : triangles)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const unsigned int vertex = indices[3 * std::size_t{i} + k];
+      const auto [at, is_new] = numbers.try_emplace(vertex, static_cast<unsigned int>(vertices.size()));
+      if (is_new) {
+        vertices.push_back(vertex);
+        own_positions.push_back(positions[vertex]);
+      }
+      own.push_back(at->second);
+    }
+  Indices fewer = simplify_whole(own_positions, own, error, meshopt_SimplifyLockBorder);
+  for (unsigned int& vertex : fewer) vertex = vertices[vertex];
+  return fewer;
+}
+
+/// The mesh in parts whose borders stay; nothing where these would show.
+std::optional<Indices> simplify_in_parts(std::span<const Vec3f> positions, const Indices& indices,
+                                         float error) {
+  std::vector<std::uint32_t> triangles(indices.size() / 3);
+  std::iota(triangles.begin(), triangles.end(), 0u);
+  std::vector<std::span<std::uint32_t>> parts;
+  split_parts(positions, indices, triangles, parts);
+  std::vector<Indices> simplified(parts.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      simplified[i] = simplify_part(positions, indices, parts[i], error);
+  });
+  Indices all;
+  std::vector<std::uint32_t> part_of(positions.size());  // 1 + the last part that uses the vertex
+  std::vector<bool> is_shared(positions.size());
+  std::size_t used = 0, shared = 0;
+  for (std::uint32_t i = 0; i < simplified.size(); ++i) {
+    for (const unsigned int vertex : simplified[i]) {
+      if (part_of[vertex] == 0) {
+        ++used;
+      } else if (part_of[vertex] != i + 1 && !is_shared[vertex]) {
+        is_shared[vertex] = true;
+        ++shared;
+      }
+      part_of[vertex] = i + 1;
+    }
+    all.insert(all.end(), simplified[i].begin(), simplified[i].end());
+  }
+  if (static_cast<double>(shared) > kMostBorder * static_cast<double>(used)) return std::nullopt;
+  return all;
+}
+
+Indices simplify_object(const Scan& scan, const Indices& indices, float error) {
+  std::optional<Indices> fewer;
+  if (indices.size() / 3 > 2 * kPartTriangles) fewer = simplify_in_parts(scan.positions, indices, error);
+  if (!fewer) fewer = simplify_whole(scan.positions, indices, error);
+  keep_components(scan.positions.size(), indices, *fewer);
+  return std::move(*fewer);
 }
 
 /// The triangles' corners after welding, by object; those that weld to nothing go.
