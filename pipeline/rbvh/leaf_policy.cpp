@@ -28,7 +28,7 @@ constexpr float kWidestTexel = 9e-4f;
 /// Texels that take as many bytes as a simplified triangle, measured: 0.8 bytes each against 2.6.
 constexpr float kTexelsPerSimplified = 3;
 /// Texels that a point of a cloud is worth.
-constexpr float kTexelsPerPoint = 3;
+constexpr float kTexelsPerPoint = 2;
 constexpr double kNoisyArea = 1.1;
 /// More of the primitives at boundary edges: a soup. Fewer texels for each primitive: too coarse a level.
 constexpr float kMostBoundary = 0.25f, kLeastBoundaryTexels = 0.5f;
