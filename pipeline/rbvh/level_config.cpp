@@ -43,7 +43,7 @@ const std::vector<LevelConfig>& standard_levels() {
                                                   {"Q1", 1e6f, 0.80f, 50, 3.2e-5f},
                                                   {"Q2", 512e3f, 0.75f, 55, 5.8e-5f},
                                                   {"Q3", 128e3f, 0.70f, 60, 1.7e-4f},
-                                                  {"Q4", 32e3f, 0.65f, 65, 6.9e-4f}};
+                                                  {"Q4", 32e3f, 0.65f, 65, 6e-4f}};
   return levels;
 }
 
