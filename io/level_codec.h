@@ -8,14 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "io/leaf_codec.h"
 #include "pipeline/rbvh/rbvh.h"
 
 namespace rbvh {
 
-/// How many there are of what the streams hold; a reader bounds them before it decodes.
-struct LevelCounts {
-  std::uint32_t leaves = 0, primitive_leaves = 0, vertices = 0, triangles = 0;
-};
 LevelCounts level_counts(const Level& level);
 
 struct LevelStreams {

@@ -12,6 +12,10 @@ namespace {
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 /// Texels of a frame of primitives this far beside them still count: reads at their edge use all four.
 constexpr float kReachTexels = 2;
+/// Texels: places as near are the same.
+constexpr float kSamePlace = 1e-3f;
+/// Of a disc, seen along the frame's w: a cosine.
+constexpr float kLeastSlope = 0.1f;
 
 float stored_height(const Level& level, const RbvhLeaf& leaf, int x, int y) {
   return level.layers[0].texels[(leaf.y + static_cast<std::size_t>(y)) * level.atlas_width + leaf.x +
@@ -74,7 +78,12 @@ TexelQuad LayerGrid::quad(float u, float v) const {
 }
 
 LeafSurface::LeafSurface(const Level& level, std::uint32_t leaf, std::uint32_t first)
-    : level_(level), leaf_(level.leaves[leaf]), first_(first), frame_(leaf_) {}
+    : level_(level), leaf_(level.leaves[leaf]), first_(first), frame_(leaf_) {
+  if (first == RBVH_NO_LEAF) return;
+  for (std::uint32_t i = 0; i < leaf_.primitives; ++i)
+    for (const std::uint32_t vertex : primitive_corners(level.primitives, first + i))
+      corners_.push_back(to_tile(leaf_, level.primitives.positions[vertex]));
+}
 
 std::optional<Vec3f> LeafSurface::point(float u, float v, float radius) const {
   if (first_ == RBVH_NO_LEAF) {
@@ -83,19 +92,37 @@ std::optional<Vec3f> LeafSurface::point(float u, float v, float radius) const {
     if (std::isnan(h)) return {};
     return frame_.at(u, v, h);
   }
-  // From the middle of the leaf's extent along w; the nearest point may lie aside.
-  Vec3f place = frame_.at(u, v, 1);
-  PrimitivePoint nearest;
-  Vec3f on_surface;
-  for (int step = 0; step < 2; ++step) {
-    nearest = nearest_primitive(level_, first_, leaf_.primitives, place);
-    on_surface = point_of(level_.primitives, nearest);
-    place = frame_.at(u, v, to_tile(leaf_, on_surface).z);
+  // In the plane of the frame; of those that lie there as near, the highest: it is seen from outside.
+  const Scan& primitives = level_.primitives;
+  float least = std::max(kReachTexels, radius), highest = 0;
+  const Vec3f row{leaf_.to_tile[0], leaf_.to_tile[1], leaf_.to_tile[2]};
+  const float texels_per_unit = length(row);
+  std::optional<PrimitivePoint> best;
+  for (std::uint32_t i = 0; i < leaf_.primitives; ++i) {
+    PrimitivePoint here{.primitive = first_ + i};
+    Vec3f at = corners_[3 * i];
+    if (!holds_discs(level_)) {
+      const Vec3f &a = corners_[3 * i], &b = corners_[3 * i + 1], &c = corners_[3 * i + 2];
+      here.weights = nearest_weights({u, v, 0}, {a.x, a.y, 0}, {b.x, b.y, 0}, {c.x, c.y, 0});
+      at = a * here.weights[0] + b * here.weights[1] + c * here.weights[2];
+    }
+    float aside = std::hypot(at.x - u, at.y - v);
+    if (holds_discs(level_))
+      aside = std::max(0.0f, aside - primitives.radii[here.primitive] * texels_per_unit);
+    if (!(aside <= least) || (best && aside > least - kSamePlace && at.z <= highest)) continue;
+    least = std::max(aside, kSamePlace);
+    highest = at.z;
+    best = here;
   }
-  const Vec3f at = to_tile(leaf_, on_surface);
-  const float aside = std::hypot(at.x - u, at.y - v);
-  if (!(aside <= std::max(kReachTexels, radius))) return {};
-  return on_surface;
+  if (!best) return {};
+  if (!holds_discs(level_)) return point_of(primitives, *best);
+  // On the disc's plane, straight over the place.
+  const Vec3f from = frame_.at(u, v, highest), normal = primitives.normals[best->primitive];
+  const auto w = static_cast<Vec3f>(normalized(frame_.w));
+  const float slope = dot(normal, w);
+  return std::abs(slope) < kLeastSlope
+             ? from
+             : from + w * (dot(normal, primitives.positions[best->primitive] - from) / slope);
 }
 
 }  // namespace rbvh

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/rbvh/texel.h"
@@ -41,8 +42,8 @@ class LeafSurface {
   LeafSurface(const Level& level, std::uint32_t leaf, std::uint32_t first);
 
   /// The surface's point over (u, v). Of a tile: bilinear in those of the four texels that have a height,
-  /// or the height of the nearest texel within `radius` texels. Of primitives: their nearest point, if it
-  /// is within two texels or `radius` of the place.
+  /// or the height of the nearest texel within `radius` texels. Of primitives: their point over the nearest
+  /// place, if that is within two texels or `radius`.
   std::optional<Vec3f> point(float u, float v, float radius) const;
 
  private:
@@ -50,6 +51,7 @@ class LeafSurface {
   const RbvhLeaf& leaf_;
   std::uint32_t first_;
   TileFrame frame_;
+  std::vector<Vec3f> corners_;  ///< of the primitives, three each, in the frame
 };
 
 }  // namespace rbvh

@@ -14,6 +14,7 @@
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
 #include "tests/exact_scenes.h"
+#include "tests/format/pair_bytes.h"
 
 namespace rbvh {
 
@@ -155,6 +156,27 @@ inline Rbvh random_pair(Random& random, const RandomLevelConfig& config) {
   rbvh.build_options = "{}";
   rbvh.levels.push_back(random_level(random, config, rbvh.source.area));
   return rbvh;
+}
+
+// The last two of the small pair's three leaves hold primitives, 2 and 1.
+inline Rbvh make_rbvh_of_discs() {
+  Rbvh rbvh = make_small_rbvh();
+  Level& level = rbvh.levels[0];
+  level.leaves[1].primitives = 2;
+  level.leaves[2].primitives = 1;
+  level.primitive_leaves = {{1, 0}, {2, 2}};
+  level.primitives.positions = {{0, 0, 0}, {1, 0, 0}, {0.5f, 0, 0}};
+  level.primitives.radii = {1, 0.5f, 0};
+  level.primitives.normals = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}};
+  level.primitives.colors = {{255, 0, 0}, {0, 255, 0}, {1, 2, 3}};
+  level.texels_used = 9;
+  return rbvh;
+}
+
+// Frames of either hand, boxes and positions on their grids, as builds make them.
+inline Rbvh make_built_rbvh(bool discs) {
+  Random random(7);
+  return random_pair(random, {.discs = discs, .colors = true});
 }
 
 }  // namespace rbvh

@@ -253,7 +253,9 @@ TEST(Layers, StandardOnesAreReadToo) {
   Scan scan = bumpy_sphere(60);
   for (const Vec3f& p : scan.positions)
     scan.colors.push_back({static_cast<std::uint8_t>(p.x > 0 ? 255 : 0), 0, 0});
-  const Level level = build_level(scan, "Q1");
+  BuildConfig config;
+  config.levels = by_density(standard_levels({"Q1"}));  // with all layers
+  const Level level = std::move(build_rbvh(Device::open(), scan, config).levels[0]);
   const PointIndex index = make_point_index(Device::open(), level);
   const std::vector<Vec3f> points = points_on(scan, 300);
   const std::vector<float> heights = sample_layer(index, level, *find_layer(level, "height"), points, kMost),
@@ -299,7 +301,7 @@ TEST(Layers, OfCloudsAreReadAtItsPoints) {
       right += std::abs(read[i] - scan.properties[0].values[i]) < 0.5f;
     }
     EXPECT_EQ(found, read.size()) << name;
-    EXPECT_GT(right, read.size() * 9 / 10) << name;
+    EXPECT_GT(right, read.size() * 17 / 20) << name;  // a texel of Q4 at the border of the values holds one
   }
 }
 

@@ -55,7 +55,7 @@ TEST(LevelConfig, BeyondTheStandardLevelsRhoGoesOnAsOneOverTheError) {
   EXPECT_EQ(coarse.alpha, q4.alpha);
   EXPECT_EQ(coarse.name, "Q4");
   EXPECT_NEAR(level_of_error(kFinestError).rho, 32e6f, 10);
-  EXPECT_NEAR(level_of_error(kCoarsestError).rho, 220.8f, 0.1f);
+  EXPECT_NEAR(level_of_error(kCoarsestError).rho, 192.0f, 0.1f);
 }
 
 TEST(LevelConfig, RhoFallsAllTheWay) {
@@ -70,7 +70,7 @@ TEST(LevelConfig, RhoFallsAllTheWay) {
 TEST(LevelConfig, TheNameIsTheNearestOnes) {
   EXPECT_EQ(level_of_error(2.2e-5).name, "Q0");  // the middle of Q0 and Q1 is 2.263e-5
   EXPECT_EQ(level_of_error(2.3e-5).name, "Q1");
-  EXPECT_EQ(level_of_error(3.4e-4).name, "Q3");  // 3.425e-4
+  EXPECT_EQ(level_of_error(3.1e-4).name, "Q3");  // 3.194e-4
   EXPECT_EQ(level_of_error(3.5e-4).name, "Q4");
 }
 
