@@ -254,7 +254,8 @@ TEST(Layers, StandardOnesAreReadToo) {
   for (const Vec3f& p : scan.positions)
     scan.colors.push_back({static_cast<std::uint8_t>(p.x > 0 ? 255 : 0), 0, 0});
   BuildConfig config;
-  config.levels = by_density(standard_levels({"Q1"}));  // with all layers
+  config.levels = by_density(standard_levels({"Q1"}));  // with all layers, for all leaves
+  config.hybrid = Hybrid::kOff;
   const Level level = std::move(build_rbvh(Device::open(), scan, config).levels[0]);
   const PointIndex index = make_point_index(Device::open(), level);
   const std::vector<Vec3f> points = points_on(scan, 300);
