@@ -200,6 +200,7 @@ bool decode_normals(const ByteVector& packed, std::size_t count, const Lattice& 
 ByteVector encode_radii(const std::vector<float>& radii, const Lattice& lattice) {
   if (!(lattice.step > 0)) return encode_vertices(radii);
   std::vector<std::uint16_t> codes;
+  codes.reserve(radii.size());
   for (const float r : radii) codes.push_back(round_radius(r));
   return encode_columns(codes);
 }

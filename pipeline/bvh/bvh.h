@@ -33,7 +33,8 @@ struct BvhConfig {
   float intersection_cost = 1.5f;
 
   float leaf_cost(std::size_t count) const {
-    return intersection_cost * static_cast<float>((count + test_width - 1) / test_width);
+    const std::size_t tests = (count + test_width - 1) / test_width;
+    return intersection_cost * static_cast<float>(tests);
   }
 };
 

@@ -100,9 +100,10 @@ std::optional<Vec3f> LeafSurface::point(float u, float v, float radius) const {
   std::optional<PrimitivePoint> best;
   for (std::uint32_t i = 0; i < leaf_.primitives; ++i) {
     PrimitivePoint here{.primitive = first_ + i};
-    Vec3f at = corners_[3 * i];
+    const Vec3f* const corner = &corners_[3 * std::size_t{i}];
+    Vec3f at = corner[0];
     if (!holds_discs(level_)) {
-      const Vec3f &a = corners_[3 * i], &b = corners_[3 * i + 1], &c = corners_[3 * i + 2];
+      const Vec3f &a = corner[0], &b = corner[1], &c = corner[2];
       here.weights = nearest_weights({u, v, 0}, {a.x, a.y, 0}, {b.x, b.y, 0}, {c.x, c.y, 0});
       at = a * here.weights[0] + b * here.weights[1] + c * here.weights[2];
     }

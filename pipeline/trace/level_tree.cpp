@@ -75,7 +75,7 @@ void put_places(const RbvhPrimitiveLeaf& leaf, std::span<const std::uint32_t> pr
 template <class Cluster>
 std::vector<std::uint32_t> put_corners(const Scan& scan, std::span<const std::uint32_t> triangles,
                                        Cluster& cluster) {
-  const std::vector<std::uint32_t> vertices = vertices_of(scan, triangles);
+  std::vector<std::uint32_t> vertices = vertices_of(scan, triangles);
   RBVH_CHECK(vertices.size() <= LEAF_BLOCK_WIDTH);
   for (std::size_t lane = 0; lane < LEAF_BLOCK_WIDTH; ++lane) {
     const Triangle& t = scan.triangles[triangles[std::min(lane, triangles.size() - 1)]];
