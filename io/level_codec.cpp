@@ -34,15 +34,10 @@ struct LatticePoint {
 
 LatticePoint to_lattice(const Lattice& lattice, Vec3f p) {
   LatticePoint point;
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto k = static_cast<std::size_t>(axis);
-    if (!(lattice.step > 0)) {
-      point.bits[k] = std::bit_cast<std::uint32_t>(p[axis]);
-      continue;
-    }
-    const float at = std::round((p[axis] - lattice.origin[axis]) / lattice.step);
-    point.bits[k] = static_cast<std::uint32_t>(static_cast<std::int32_t>(std::clamp(at, -2e9f, 2e9f)));
-  }
+  for (int axis = 0; axis < 3; ++axis)
+    point.bits[static_cast<std::size_t>(axis)] =
+        lattice.step > 0 ? static_cast<std::uint32_t>(lattice_number(lattice, p, axis))
+                         : std::bit_cast<std::uint32_t>(p[axis]);
   return point;
 }
 
@@ -97,9 +92,8 @@ Vec3f from_lattice(const Lattice& lattice, const LatticePoint& point) {
   Vec3f p;
   for (int axis = 0; axis < 3; ++axis) {
     const std::uint32_t bits = point.bits[static_cast<std::size_t>(axis)];
-    p[axis] = lattice.step > 0
-                  ? lattice.origin[axis] + static_cast<float>(static_cast<std::int32_t>(bits)) * lattice.step
-                  : std::bit_cast<float>(bits);
+    p[axis] = lattice.step > 0 ? lattice_place(lattice, static_cast<std::int32_t>(bits), axis)
+                               : std::bit_cast<float>(bits);
   }
   return p;
 }

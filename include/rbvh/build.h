@@ -36,7 +36,7 @@ inline constexpr double kFinestError = 1e-6, kCoarsestError = 0.1;
 
 /// A level of any error, of the scan's diagonal. Its other parameters follow from the standard levels':
 /// between two of them log(rho), alpha and phi are linear in log(error); beyond Q0 and Q4 alpha and phi stay,
-/// and rho goes on as 1 / error (to 32 million texels, and to 221). Its name is that of the standard level
+/// and rho goes on as 1 / error (to 32 million texels, and to 192). Its name is that of the standard level
 /// whose error is nearest (the smallest ratio; of equally near ones the finer). Throws Error(kUsage) for an
 /// error that is not kFinestError to kCoarsestError.
 LevelConfig level_of_error(double error);

@@ -4,6 +4,8 @@
 #include "kernels/bvh/ray_query.h"
 #include "kernels/common/lanes.h"
 
+#pragma OPENCL FP_CONTRACT OFF
+
 // Defines  I NAME(centre, normal, radius, d, t): the lanes in which a line along d hits the disc, at t.
 // centre: seen from the origin. P: a disc's type, D: a ray's, F: the wider of the two, I: F's comparison.
 #define DEFINE_INTERSECT_DISC(NAME, P, D, F, I)                                     \
@@ -23,5 +25,14 @@ static inline void disc_frame(float3 n, float3* x, float3* y) {
   const float sign = copysign(1.0f, n.z), a = -1.0f / (sign + n.z), b = n.x * n.y * a;
   *x = (float3)(1.0f + sign * n.x * n.x * a, sign * b, -sign * n.x);
   *y = (float3)(b, sign + n.y * n.y * a, -n.y);
+}
+
+// Of a ray's point at t, across the disc: -1 to 1.
+static inline float2 disc_place(float3 centre, float3 normal, float radius, float3 origin, float3 direction,
+                                float t) {
+  const float3 r = (t * direction - (centre - origin)) / radius;
+  float3 x, y;
+  disc_frame(normal, &x, &y);
+  return (float2)(dot(r, x), dot(r, y));
 }
 #endif

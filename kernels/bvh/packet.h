@@ -26,6 +26,15 @@ static ALWAYS_INLINE void store_lanes(const Found16* found, FoundLanes* lanes) {
   vstore16(found->at, 0, lanes->at);
 }
 
+static ALWAYS_INLINE void take_lanes(int16 taken, float16 t, float16 u, float16 v, uint id, uint at,
+                                     Found16* found) {
+  found->t = select(found->t, t, taken);
+  found->u = select(found->u, u, taken);
+  found->v = select(found->v, v, taken);
+  found->id = select(found->id, (uint16)(id), taken);
+  found->at = select(found->at, (uint16)(at), taken);
+}
+
 static inline void find_nothing(Found16* found) {
   found->t = FLT_MAX;
   found->u = found->v = 0.0f;
@@ -45,15 +54,20 @@ static ALWAYS_INLINE int16 is_nearer_packet(float16 t, uint id, const Found16* f
 typedef struct PacketShear {
   uint kx, ky, kz;
   float16 sx, sy, sz;
-  float side;          // -1 or 1: the rays' way along kz; 0: both ways
-  float lo[2], hi[2];  // the rays' window at distance 1 along kz, widened by what floats round
 } PacketShear;
+
+// Where the rays are at distance 1 along kz, widened by what floats round.
+typedef struct PacketWindow {
+  float side;  // -1 or 1: their way along kz; 0: both ways
+  float lo[2], hi[2];
+} PacketWindow;
 
 typedef struct Packet {
   PacketBounds bounds;
   float origin[3];
   float16 d[3];
-  PacketShear shear;  // see shear_packet()
+  PacketShear shear;    // see shear_packet()
+  PacketWindow window;  // see packet_window()
 } Packet;
 
 // Along an axis in which no ray is slow.
@@ -66,14 +80,19 @@ static ALWAYS_INLINE PacketShear shear_packet(const float16* d) {
   s.sx = d[s.kx] / d[s.kz];
   s.sy = d[s.ky] / d[s.kz];
   s.sz = 1.0f / d[s.kz];
-  s.side = least(d[s.kz]) > 0.0f ? 1.0f : greatest(d[s.kz]) < 0.0f ? -1.0f : 0.0f;
-  const float4 window = (float4)(least(s.sx), least(s.sy), greatest(s.sx), greatest(s.sy));
-  const float4 margin = 2e-6f * (1.0f + fabs(window));
-  s.lo[0] = window.x - margin.x;
-  s.lo[1] = window.y - margin.y;
-  s.hi[0] = window.z + margin.z;
-  s.hi[1] = window.w + margin.w;
   return s;
+}
+
+static ALWAYS_INLINE PacketWindow packet_window(const float16* d, const PacketShear* s) {
+  PacketWindow w;
+  w.side = least(d[s->kz]) > 0.0f ? 1.0f : greatest(d[s->kz]) < 0.0f ? -1.0f : 0.0f;
+  const float4 edges = (float4)(least(s->sx), least(s->sy), greatest(s->sx), greatest(s->sy));
+  const float4 margin = 2e-6f * (1.0f + fabs(edges));
+  w.lo[0] = edges.x - margin.x;
+  w.lo[1] = edges.y - margin.y;
+  w.hi[0] = edges.z + margin.z;
+  w.hi[1] = edges.w + margin.w;
+  return w;
 }
 
 // Whether kz is every ray's own longest axis, as in prepare(): then every ray hits triangles as it does

@@ -32,15 +32,6 @@ static inline float3 block_vector(__global const PrimitiveBlock* blocks, uint at
   return (float3)(b->rows[row][lane], b->rows[row + 1][lane], b->rows[row + 2][lane]);
 }
 
-static ALWAYS_INLINE void take_lanes(int16 taken, float16 t, float16 u, float16 v, uint id, uint at,
-                                     Found16* found) {
-  found->t = select(found->t, t, taken);
-  found->u = select(found->u, u, taken);
-  found->v = select(found->v, v, taken);
-  found->id = select(found->id, (uint16)(id), taken);
-  found->at = select(found->at, (uint16)(at), taken);
-}
-
 #ifndef DISCS
 static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at) {
   return triangle_normal(block_vector(blocks, at, 0), block_vector(blocks, at, 3),
@@ -104,62 +95,6 @@ static ALWAYS_INLINE bool intersect_primitive_packet(__global const PrimitiveBlo
   take_lanes(taken, t, v / area, w / area, id, at, found);
   return true;
 }
-#else
-static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at) {
-  return block_vector(blocks, at, 3);
-}
-
-// Of the ray's point at t, across the disc: -1 to 1.
-static inline float2 place_on_disc(__global const PrimitiveBlock* blocks, uint at, float3 origin,
-                                   float3 direction, float t) {
-  const float3 r = (t * direction - (block_vector(blocks, at, 0) - origin)) /
-                   blocks[at / PRIMITIVE_BLOCK_WIDTH].rows[6][at % PRIMITIVE_BLOCK_WIDTH];
-  float3 x, y;
-  disc_frame(unit_normal(blocks, at), &x, &y);
-  return (float2)(dot(r, x), dot(r, y));
-}
-
-static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block, const Query* q,
-                                          Found* found) {
-  __global const PrimitiveBlock* b = blocks + block;
-  const float8 centre[3] = {vload8(0, b->rows[0]) - q->origin[0], vload8(0, b->rows[1]) - q->origin[1],
-                            vload8(0, b->rows[2]) - q->origin[2]};
-  const float8 normal[3] = {vload8(0, b->rows[3]), vload8(0, b->rows[4]), vload8(0, b->rows[5])};
-  float8 t;
-  const int8 inside = intersect_discs8(centre, normal, vload8(0, b->rows[6]), q->direction, &t);
-  const uint mask = lane_bits8(inside & (t >= q->tmin) & (t <= found->t));
-  if (mask == 0 || !take_nearest(mask, t, t, t, blocks, block, found)) return false;
-  const float2 place = place_on_disc(blocks, found->at, (float3)(q->origin[0], q->origin[1], q->origin[2]),
-                                     (float3)(q->direction[0], q->direction[1], q->direction[2]), found->t);
-  found->u = place.x;
-  found->v = place.y;
-  return true;
-}
-
-static ALWAYS_INLINE uint intersect_boxes_packet(__global const PrimitiveBlock* b, const PacketBounds* p,
-                                                 float limit) {
-  const float8 radius = vload8(0, b->rows[6]);
-#define LOAD(row) (vload8(0, b->rows[(row) % 3]) + ((row) > 2 ? radius : -radius))
-  float8 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(float8, LOAD, p, p->inverse, p->near_offset, p->far_offset, enter, leave)
-#undef LOAD
-  return lane_bits8((enter <= leave) & (radius == radius));
-}
-
-static ALWAYS_INLINE bool intersect_primitive_packet(__global const PrimitiveBlock* b, uint lane, uint at,
-                                                     const Packet* p, const PacketShear* s, Found16* found) {
-  const float centre[3] = {b->rows[0][lane] - p->origin[0], b->rows[1][lane] - p->origin[1],
-                           b->rows[2][lane] - p->origin[2]};
-  const float normal[3] = {b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]};
-  const uint id = b->ids[lane];
-  float16 t;
-  const int16 inside = intersect_disc_packet(centre, normal, b->rows[6][lane], p->d, &t);
-  const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, id, found);
-  if (lane_bits16(taken) == 0) return false;
-  take_lanes(taken, t, t, t, id, at, found);
-  return true;
-}
-#endif
 
 static ALWAYS_INLINE bool intersect_block_packet(__global const PrimitiveBlock* blocks, uint block,
                                                  const Packet* p, const PacketShear* s, float limit,
@@ -172,4 +107,29 @@ static ALWAYS_INLINE bool intersect_block_packet(__global const PrimitiveBlock* 
   }
   return taken;
 }
+#else
+static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at) {
+  return block_vector(blocks, at, 3);
+}
+
+static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block, const Query* q,
+                                          Found* found) {
+  __global const PrimitiveBlock* b = blocks + block;
+  const float8 centre[3] = {vload8(0, b->rows[0]) - q->origin[0], vload8(0, b->rows[1]) - q->origin[1],
+                            vload8(0, b->rows[2]) - q->origin[2]};
+  const float8 normal[3] = {vload8(0, b->rows[3]), vload8(0, b->rows[4]), vload8(0, b->rows[5])};
+  float8 t;
+  const int8 inside = intersect_discs8(centre, normal, vload8(0, b->rows[6]), q->direction, &t);
+  const uint mask = lane_bits8(inside & (t >= q->tmin) & (t <= found->t));
+  if (mask == 0 || !take_nearest(mask, t, t, t, blocks, block, found)) return false;
+  const uint at = found->at;
+  const float2 place = disc_place(block_vector(blocks, at, 0), block_vector(blocks, at, 3),
+                                  blocks[at / PRIMITIVE_BLOCK_WIDTH].rows[6][at % PRIMITIVE_BLOCK_WIDTH],
+                                  (float3)(q->origin[0], q->origin[1], q->origin[2]),
+                                  (float3)(q->direction[0], q->direction[1], q->direction[2]), found->t);
+  found->u = place.x;
+  found->v = place.y;
+  return true;
+}
+#endif
 #endif

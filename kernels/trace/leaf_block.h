@@ -34,15 +34,6 @@ static ALWAYS_INLINE int16 load_bytes(__global const uchar* bytes) {
   return convert_int16(as_uchar16(vload4(0, (__global const uint*)bytes)));
 }
 
-static ALWAYS_INLINE void take_lanes(int16 taken, float16 t, float16 u, float16 v, uint id, uint at,
-                                     Found16* found) {
-  found->t = select(found->t, t, taken);
-  found->u = select(found->u, u, taken);
-  found->v = select(found->v, v, taken);
-  found->id = select(found->id, (uint16)(id), taken);
-  found->at = select(found->at, (uint16)(at), taken);
-}
-
 static inline uint lanes_in_use(__global const LeafBlock* b) { return (1u << b->count) - 1; }
 
 #ifndef DISCS
@@ -101,13 +92,13 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Qu
 
 // Triangles that any of the packet's rays may hit, as bits: those whose box, seen from the rays' origin,
 // meets the packet's. Most of a block's lie beside it. x, y, z: the vertices along kx, ky, kz.
-static ALWAYS_INLINE uint triangles_in_window(const PacketShear* s, float16 x, float16 y, float16 z, int16 c0,
-                                              int16 c1, int16 c2) {
-  if (s->side == 0.0f || lane_bits16(z * s->side > 0.0f) != ALL_LANES) return ALL_LANES;
+static ALWAYS_INLINE uint triangles_in_window(const PacketWindow* window, float16 x, float16 y, float16 z,
+                                              int16 c0, int16 c1, int16 c2) {
+  if (window->side == 0.0f || lane_bits16(z * window->side > 0.0f) != ALL_LANES) return ALL_LANES;
   const float16 u = x / z, u0 = permute16(u, c0), u1 = permute16(u, c1), u2 = permute16(u, c2);
   const float16 v = y / z, v0 = permute16(v, c0), v1 = permute16(v, c1), v2 = permute16(v, c2);
-  return lane_bits16((min(u0, min(u1, u2)) <= s->hi[0]) & (max(u0, max(u1, u2)) >= s->lo[0]) &
-                     (min(v0, min(v1, v2)) <= s->hi[1]) & (max(v0, max(v1, v2)) >= s->lo[1]));
+  return lane_bits16((min(u0, min(u1, u2)) <= window->hi[0]) & (max(u0, max(u1, u2)) >= window->lo[0]) &
+                     (min(v0, min(v1, v2)) <= window->hi[1]) & (max(v0, max(v1, v2)) >= window->lo[1]));
 }
 
 static ALWAYS_INLINE bool intersect_block_packet(const Tree* tree, uint block, const Packet* p, float limit,
@@ -120,7 +111,7 @@ static ALWAYS_INLINE bool intersect_block_packet(const Tree* tree, uint block, c
   vstore16(x, 0, seen[0]);
   vstore16(y, 0, seen[1]);
   vstore16(z, 0, seen[2]);
-  uint mask = lanes_in_use(b) & triangles_in_window(s, x, y, z, load_bytes(b->corners[0]),
+  uint mask = lanes_in_use(b) & triangles_in_window(&p->window, x, y, z, load_bytes(b->corners[0]),
                                                     load_bytes(b->corners[1]), load_bytes(b->corners[2]));
   bool taken_any = false;
   for (; mask != 0; mask &= mask - 1) {
@@ -153,10 +144,8 @@ static inline float3 unit_normal(const Tree* tree, uint at) {
 static inline float2 place_on_disc(const Tree* tree, uint at, float3 origin, float3 direction, float t) {
   __global const LeafBlock* b = tree->blocks + at / LEAF_BLOCK_WIDTH;
   const uint lane = at % LEAF_BLOCK_WIDTH;
-  const float3 r = (t * direction - (block_vector(b, lane, 0) - origin)) / b->rows[6][lane];
-  float3 x, y;
-  disc_frame(block_vector(b, lane, 3), &x, &y);
-  return (float2)(dot(r, x), dot(r, y));
+  return disc_place(block_vector(b, lane, 0), block_vector(b, lane, 3), b->rows[6][lane], origin, direction,
+                    t);
 }
 
 static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {

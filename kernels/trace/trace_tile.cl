@@ -38,7 +38,10 @@ DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_e
 
 // A tile is an approximation: rays need not find to the last bit what they find alone.
 static inline bool takes_packet(Packet* p) {
+#ifndef DISCS
   p->shear = shear_packet(p->d);
+  p->window = packet_window(p->d, &p->shear);
+#endif
   return true;
 }
 

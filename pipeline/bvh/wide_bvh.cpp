@@ -28,6 +28,14 @@ void put_boxes(const Bvh& bvh, const WideChildren& cut, WideNode& node) {
   }
 }
 
+/// Without primitives; unused lanes are NaN.
+PrimitiveBlock empty_block() {
+  PrimitiveBlock block;
+  std::fill_n(&block.rows[0][0], 9 * PRIMITIVE_BLOCK_WIDTH, std::numeric_limits<float>::quiet_NaN());
+  std::fill_n(block.ids, PRIMITIVE_BLOCK_WIDTH, RBVH_NO_LEAF);
+  return block;
+}
+
 void put_vector(PrimitiveBlock& block, std::size_t row, std::size_t lane, const Vec3f& v) {
   for (std::size_t axis = 0; axis < 3; ++axis) block.rows[row + axis][lane] = v[static_cast<int>(axis)];
 }
@@ -115,13 +123,6 @@ WideBvh widen_elements(const Bvh& bvh) {
 
 WideBvh build_wide_bvh(std::span<const Bounds3f> boxes) {
   return widen_elements(build_sah_binned_bvh(boxes, BvhConfig{}));
-}
-
-PrimitiveBlock empty_block() {
-  PrimitiveBlock block;
-  std::fill_n(&block.rows[0][0], 9 * PRIMITIVE_BLOCK_WIDTH, std::numeric_limits<float>::quiet_NaN());
-  std::fill_n(block.ids, PRIMITIVE_BLOCK_WIDTH, RBVH_NO_LEAF);
-  return block;
 }
 
 std::vector<PrimitiveBlock> make_blocks(const Bvh& bvh, std::span<const std::uint32_t> leaves,

@@ -31,9 +31,6 @@ WideBvh widen_elements(const Bvh& bvh);
 /// A hierarchy over boxes: a leaf's number is the box's.
 WideBvh build_wide_bvh(std::span<const Bounds3f> boxes);
 
-/// Without primitives; unused lanes are NaN.
-PrimitiveBlock empty_block();
-
 /// What a wide hierarchy over a scan's triangles or, in a cloud, discs needs beside it: leaf i's primitives
 /// are block i. There is at least one block.
 std::vector<PrimitiveBlock> make_blocks(const Bvh& bvh, std::span<const std::uint32_t> leaves,

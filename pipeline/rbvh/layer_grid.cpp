@@ -80,6 +80,7 @@ TexelQuad LayerGrid::quad(float u, float v) const {
 LeafSurface::LeafSurface(const Level& level, std::uint32_t leaf, std::uint32_t first)
     : level_(level), leaf_(level.leaves[leaf]), first_(first), frame_(leaf_) {
   if (first == RBVH_NO_LEAF) return;
+  corners_.reserve(3 * std::size_t{leaf_.primitives});
   for (std::uint32_t i = 0; i < leaf_.primitives; ++i)
     for (const std::uint32_t vertex : primitive_corners(level.primitives, first + i))
       corners_.push_back(to_tile(leaf_, level.primitives.positions[vertex]));

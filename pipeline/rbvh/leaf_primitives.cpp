@@ -121,12 +121,19 @@ std::array<float, 3> nearest_weights(Vec3f p, Vec3f a, Vec3f b, Vec3f c) {
   return {va / sum, vb / sum, vc / sum};
 }
 
+std::int32_t lattice_number(const Lattice& lattice, Vec3f p, int axis) {
+  const float number = std::round((p[axis] - lattice.origin[axis]) / lattice.step);
+  return static_cast<std::int32_t>(std::clamp(number, -2e9f, 2e9f));
+}
+
+float lattice_place(const Lattice& lattice, std::int32_t number, int axis) {
+  return lattice.origin[axis] + static_cast<float>(number) * lattice.step;
+}
+
 Vec3f snapped(const Lattice& lattice, Vec3f p) {
   if (!(lattice.step > 0)) return p;
-  const auto along = [&](float origin, float at) {
-    return origin + std::round((at - origin) / lattice.step) * lattice.step;
-  };
-  return {along(lattice.origin.x, p.x), along(lattice.origin.y, p.y), along(lattice.origin.z, p.z)};
+  const auto along = [&](int axis) { return lattice_place(lattice, lattice_number(lattice, p, axis), axis); };
+  return {along(0), along(1), along(2)};
 }
 
 Bounds3f snapped_bounds(const Lattice& lattice, const Scan& primitives, std::uint32_t primitive) {

@@ -31,6 +31,10 @@ RbvhPrimitive primitive_shape(const Scan& primitives, std::uint32_t primitive);
 
 Bounds3f primitive_bounds(const Scan& primitives, std::uint32_t primitive);
 
+/// Which of the lattice's points along an axis is nearest to `p`, at most 2e9 either way; and where it lies.
+std::int32_t lattice_number(const Lattice& lattice, Vec3f p, int axis);
+float lattice_place(const Lattice& lattice, std::int32_t number, int axis);
+
 /// The point of the lattice nearest to `p`; of a lattice of step 0, `p`.
 Vec3f snapped(const Lattice& lattice, Vec3f p);
 /// Of a primitive whose positions are moved to the lattice.

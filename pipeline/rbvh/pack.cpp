@@ -35,8 +35,8 @@ Vec3f center(const Scan& scan, std::uint32_t primitive) {
   return (scan.positions[t[0]] + scan.positions[t[1]] + scan.positions[t[2]]) * (1.0f / 3);
 }
 
-/// Orders a leaf's triangles so that each shares vertices with those before it: blocks of consecutive ones
-/// are close together, and the file's codec needs few bytes for them.
+/// Orders a leaf's triangles so that each shares vertices with those before it: the file's codec needs few
+/// bytes for them.
 void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) {
   std::sort(primitives.begin(), primitives.end());  // their order depends on other levels' splits
   std::vector<unsigned int> indices, vertices, ordered;
@@ -67,7 +67,7 @@ void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) 
   }
 }
 
-/// Orders primitives so that those of one block are close together, by halving along the longest axis.
+/// Orders discs so that consecutive ones are close together, by halving along the longest axis.
 void sort_into_blocks(std::span<std::uint32_t> primitives, const Scan& scan) {
   // By number first: their order depends on other levels' splits.
   std::sort(primitives.begin(), primitives.end());

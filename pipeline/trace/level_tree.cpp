@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numeric>
 #include <span>
+#include <utility>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -86,11 +86,7 @@ std::vector<std::uint32_t> put_corners(const Scan& scan, std::span<const std::ui
   return vertices;
 }
 
-std::int32_t lattice_place(const Lattice& lattice, const Vec3f& p, int axis) {
-  return static_cast<std::int32_t>(std::lround((p[axis] - lattice.origin[axis]) / lattice.step));
-}
-
-/// False where the vertices are too far apart for a cluster.
+/// False where the vertices are too far apart for a cluster, or none of the lattice's points.
 bool fill_block(const Level& level, const RbvhPrimitiveLeaf& leaf, std::span<const std::uint32_t> triangles,
                 LatticeCluster& cluster) {
   const Scan& scan = level.primitives;
@@ -99,9 +95,11 @@ bool fill_block(const Level& level, const RbvhPrimitiveLeaf& leaf, std::span<con
   for (int axis = 0; axis < 3; ++axis) {
     const auto row = static_cast<std::size_t>(axis);
     std::int32_t places[LEAF_BLOCK_WIDTH];
-    for (std::size_t i = 0; i < LEAF_BLOCK_WIDTH; ++i)
-      places[i] =
-          lattice_place(level.lattice, scan.positions[vertices[std::min(i, vertices.size() - 1)]], axis);
+    for (std::size_t i = 0; i < LEAF_BLOCK_WIDTH; ++i) {
+      const Vec3f& p = scan.positions[vertices[std::min(i, vertices.size() - 1)]];
+      places[i] = lattice_number(level.lattice, p, axis);
+      if (lattice_place(level.lattice, places[i], axis) != p[axis]) return false;
+    }
     const auto [least, most] = std::minmax_element(std::begin(places), std::end(places));
     if (static_cast<std::uint32_t>(*most) - static_cast<std::uint32_t>(*least) > kFarthestVertex)
       return false;
