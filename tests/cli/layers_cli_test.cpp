@@ -1,16 +1,13 @@
 // lod, paint, sample and what build has for them, through the binary.
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "io/npy.h"
-#include "tests/run_tool.h"
+#include "tests/cli/pair_tool_test.h"
 
 namespace rbvh {
 namespace {
 
-using Json = nlohmann::json;
-
-class Detail : public ToolTest {
+class Detail : public PairToolTest {
  protected:
   void SetUp() override {
     ToolTest::SetUp();
@@ -22,15 +19,6 @@ class Detail : public ToolTest {
     for (const Json& level : json["levels"])
       names += level["name"].get<std::string>() + (level["derived_from"].is_null() ? " " : "* ");
     return names;
-  }
-  Json info(const std::string& file) const {
-    const ToolRun run = tool("info --json " + file);  // which checks it as validate does
-    EXPECT_EQ(run.code, 0) << run.err;
-    return Json::parse(run.out, nullptr, false);
-  }
-  std::uintmax_t bytes(const std::string& stem) const {
-    return std::filesystem::file_size(path(stem + ".rbvh")) +
-           std::filesystem::file_size(path(stem + ".atlas.tif"));
   }
 };
 

@@ -1,29 +1,17 @@
 // Levels of one's own errors, through the binary: built, shown, chosen by; and what the bytes go to.
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "rbvh/build.h"
-#include "tests/run_tool.h"
+#include "tests/cli/pair_tool_test.h"
 
 namespace rbvh {
 namespace {
 
-using Json = nlohmann::json;
-
-class LevelErrors : public ToolTest {
+class LevelErrors : public PairToolTest {
  protected:
   void SetUp() override {
     ToolTest::SetUp();
     write("ball.ply", ball_ply(24));
-  }
-  Json info(const std::string& file) const {
-    const ToolRun run = tool("info --json " + file);
-    EXPECT_EQ(run.code, 0) << run.err;
-    return Json::parse(run.out, nullptr, false);
-  }
-  std::uintmax_t bytes(const std::string& stem) const {
-    return std::filesystem::file_size(path(stem + ".rbvh")) +
-           std::filesystem::file_size(path(stem + ".atlas.tif"));
   }
 };
 

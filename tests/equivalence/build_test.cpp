@@ -8,18 +8,13 @@
 #include "pipeline/base/error.h"
 #include "pipeline/device/device.h"
 #include "pipeline/trace/trace_tile.h"
+#include "tests/build_levels.h"
 #include "tests/exact_scenes.h"
 #include "tests/shapes.h"
 #include "tests/trace_test.h"
 
 namespace rbvh {
 namespace {
-
-Rbvh build(const Scan& scan, std::vector<LevelConfig> levels,
-           Refinement refinement = Refinement::kProjectedArea, Hybrid hybrid = Hybrid::kOff) {
-  return build_rbvh(Device::open(), scan,
-                    BuildConfig{.levels = std::move(levels), .refinement = refinement, .hybrid = hybrid});
-}
 
 bool same(const Level& a, const Level& b) {
   const auto bytes = [](const auto& x, const auto& y) {

@@ -13,18 +13,13 @@
 #include "pipeline/scan/vertex_normals.h"
 #include "pipeline/trace/camera_rays.h"
 #include "rbvh/camera.h"
+#include "tests/build_levels.h"
 #include "tests/exact_scenes.h"
 #include "tests/property.h"
 #include "tests/shapes.h"
 
 namespace rbvh {
 namespace {
-
-Rbvh build(const Scan& scan, std::vector<LevelConfig> levels,
-           Refinement refinement = Refinement::kProjectedArea, Hybrid hybrid = Hybrid::kOff) {
-  return build_rbvh(Device::open(), scan,
-                    BuildConfig{.levels = std::move(levels), .refinement = refinement, .hybrid = hybrid});
-}
 
 std::vector<Hit> trace(const Level& level, const std::vector<Ray>& rays,
                        RayQuery query = RayQuery::kNearest) {

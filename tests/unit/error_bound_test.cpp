@@ -7,21 +7,10 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/units.h"
+#include "tests/usage_refusal.h"
 
 namespace rbvh {
 namespace {
-
-template <class Work>
-std::string refusal(Work&& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kUsage);
-    return error.what();
-  }
-  ADD_FAILURE() << "no error";
-  return {};
-}
 
 TEST(ErrorBound, IsANumberAndAUnit) {
   for (const auto& [text, value, unit] : {std::tuple{"0.5mm", 0.5, "mm"},
@@ -39,7 +28,8 @@ TEST(ErrorBound, IsANumberAndAUnit) {
   }
   for (const char* text : {"", "mm", "0", "0mm", "-1mm", "1 mm", "1MM", "1um", "1e", "nan", "infmm", "1mmm",
                            "1e999", "0x1", "1,5mm"})
-    EXPECT_NE(refusal([&] { parse_error_bound(text); }).find("is not a number above 0"), std::string::npos)
+    EXPECT_NE(usage_refusal([&] { parse_error_bound(text); }).find("is not a number above 0"),
+              std::string::npos)
         << text;
 }
 
@@ -58,7 +48,7 @@ TEST(ErrorBound, IsConvertedByTheScansUnits) {
   EXPECT_DOUBLE_EQ(part("0.02", "units", "mm"), 0.02 / 200) << "a bare number is in scan units";
   EXPECT_DOUBLE_EQ(part("0.02units", "%", ""), 0.02 / 200);
   for (const char* unknown : {"", "unknown", "furlong"})
-    EXPECT_NE(refusal([&] {
+    EXPECT_NE(usage_refusal([&] {
                 part("0.5mm", "units", unknown);
               }).find("a.ply: its units are not known, so an error in mm says nothing"),
               std::string::npos);
@@ -73,7 +63,7 @@ TEST(ErrorBound, LevelsMayHaveOneEach) {
   EXPECT_FALSE(levels[1].error);
   EXPECT_EQ(levels[2].error, 5e-4);
   for (const char* text : {"Q0=", "Q0=0", "Q0=1e-5=2", "Q0=nan", "Q0=1e-5,,Q2", "Q0=1mm"})
-    refusal([&] { parse_wanted_levels(text); });
+    usage_refusal([&] { parse_wanted_levels(text); });
 }
 
 TEST(Units, AreThoseThatMessagesList) {

@@ -2,25 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <limits>
 
 #include "pipeline/base/error.h"
 #include "rbvh/build.h"
+#include "tests/usage_refusal.h"
 
 namespace rbvh {
 namespace {
-
-std::string refusal(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kUsage);
-    return error.what();
-  }
-  ADD_FAILURE() << "no error";
-  return {};
-}
 
 TEST(LevelConfig, AStandardErrorGivesTheStandardLevel) {
   for (const LevelConfig& level : standard_levels()) {
@@ -76,7 +65,7 @@ TEST(LevelConfig, TheNameIsTheNearestOnes) {
 
 TEST(LevelConfig, ErrorsThatNoFloatHoldsAndThoseThatLeaveNothingAreRefused) {
   for (const double error : {0.9e-6, 0.0, -1.0, 0.11, std::nan(""), double{INFINITY}})
-    EXPECT_NE(refusal([&] { level_of_error(error); }).find("is not between 1e-06 and 0.1"),
+    EXPECT_NE(usage_refusal([&] { level_of_error(error); }).find("is not between 1e-06 and 0.1"),
               std::string::npos);
 }
 
@@ -96,7 +85,9 @@ TEST(LevelConfig, WantedLevelsAreFinestFirst) {
 }
 
 TEST(LevelConfig, WantedLevelsThatContradictEachOtherAreRefused) {
-  const auto of = [](std::vector<WantedLevel> wanted) { return refusal([&] { wanted_levels(wanted); }); };
+  const auto of = [](std::vector<WantedLevel> wanted) {
+    return usage_refusal([&] { wanted_levels(wanted); });
+  };
   EXPECT_NE(of({{"Q5", 1e-4}}).find("there is no level 'Q5'"), std::string::npos);
   EXPECT_NE(of({{"Q1", 1e-4}, {"Q1", 2e-4}}).find("level Q1 is wanted with two errors"), std::string::npos);
   EXPECT_NE(of({{"Q1", {}}, {"Q1", 2e-4}}).find("level Q1 is wanted with two errors"), std::string::npos);
