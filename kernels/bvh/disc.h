@@ -20,19 +20,17 @@ DEFINE_INTERSECT_DISC(intersect_discs8, float8, float, float8, int8)          //
 DEFINE_INTERSECT_DISC(intersect_discs16, float16, float, float16, int16)      // 1 ray, 16 discs
 DEFINE_INTERSECT_DISC(intersect_disc_packet, float, float16, float16, int16)  // 16 rays, 1 disc
 
-// Two unit vectors across a unit normal (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017).
-static inline void disc_frame(float3 n, float3* x, float3* y) {
-  const float sign = copysign(1.0f, n.z), a = -1.0f / (sign + n.z), b = n.x * n.y * a;
-  *x = (float3)(1.0f + sign * n.x * n.x * a, sign * b, -sign * n.x);
-  *y = (float3)(b, sign + n.y * n.y * a, -n.y);
-}
+// Defines  void NAME(centre, normal, radius, d, t, u, v): where a ray's point at t is on the disc: -1 to 1,
+// along two unit vectors across its unit normal (Duff et al., "Building an Orthonormal Basis, Revisited",
+// JCGT 2017). centre: seen from the origin.
+#define DEFINE_DISC_PLACE(NAME, F)                                                                          \
+  static ALWAYS_INLINE void NAME(const F* c, const F* n, F radius, const F* d, F t, F* u, F* v) {           \
+    const F sign = copysign((F)(1.0f), n[2]), a = -1.0f / (sign + n[2]), b = n[0] * n[1] * a;               \
+    const F x = (t * d[0] - c[0]) / radius, y = (t * d[1] - c[1]) / radius, z = (t * d[2] - c[2]) / radius; \
+    *u = x * (1.0f + sign * n[0] * n[0] * a) + y * (sign * b) - z * (sign * n[0]);                          \
+    *v = x * b + y * (sign + n[1] * n[1] * a) - z * n[1];                                                   \
+  }
 
-// Of a ray's point at t, across the disc: -1 to 1.
-static inline float2 disc_place(float3 centre, float3 normal, float radius, float3 origin, float3 direction,
-                                float t) {
-  const float3 r = (t * direction - (centre - origin)) / radius;
-  float3 x, y;
-  disc_frame(normal, &x, &y);
-  return (float2)(dot(r, x), dot(r, y));
-}
+DEFINE_DISC_PLACE(disc_place, float)
+DEFINE_DISC_PLACE(disc_place16, float16)
 #endif

@@ -3,7 +3,7 @@
 #ifndef RBVH_PRIMITIVE_BLOCK_H
 #define RBVH_PRIMITIVE_BLOCK_H
 #include "kernels/bvh/disc.h"
-#include "kernels/bvh/packet.h"
+#include "kernels/bvh/beam.h"
 #include "kernels/bvh/triangle.h"
 
 // Takes the lanes in `mask` over into `found` where they are nearer.
@@ -56,56 +56,53 @@ static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks,
   return mask != 0 && take_nearest(mask, t, v / area, w / area, blocks, block, found);
 }
 
-// Triangles of a block whose boxes any of the rays may enter before `limit`, as bits: most of a block's lie
-// beside the packet.
-static ALWAYS_INLINE uint intersect_boxes_packet(__global const PrimitiveBlock* b, const PacketBounds* p,
-                                                 float limit) {
-  float8 planes[6];
-  for (uint axis = 0; axis < 3; ++axis) {
-    const float8 v0 = vload8(0, b->rows[axis]), v1 = vload8(0, b->rows[axis + 3]),
-                 v2 = vload8(0, b->rows[axis + 6]);
-    planes[axis] = min(v0, min(v1, v2));
-    planes[axis + 3] = max(v0, max(v1, v2));
-  }
-#define LOAD(row) planes[row]
-  float8 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(float8, LOAD, p, p->inverse, p->near_offset, p->far_offset, enter, leave)
-#undef LOAD
-  const float8 used = vload8(0, b->rows[0]);
-  return lane_bits8((enter <= leave) & (used == used));
-}
+#define TWICE(row) (float16)(vload8(0, b->rows[row]), vload8(0, b->rows[row]))
 
-// The arithmetic is intersect_block()'s, so the hits are, where the packet agrees in its longest axis.
-static ALWAYS_INLINE bool intersect_primitive_packet(__global const PrimitiveBlock* b, uint lane, uint at,
-                                                     const Packet* p, const PacketShear* s, Found16* found) {
-  const float ox = p->origin[s->kx], oy = p->origin[s->ky], oz = p->origin[s->kz];
-#define CORNER(i)                                                             \
-  {                                                                           \
-    b->rows[s->kx + 3 * (i)][lane] - ox, b->rows[s->ky + 3 * (i)][lane] - oy, \
-        b->rows[s->kz + 3 * (i)][lane] - oz                                   \
-  }
-  const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
-#undef CORNER
-  float16 t, v, w, area;
-  const int16 inside = intersect_corners_packet(p0, p1, p2, s->sx, s->sy, s->sz, &t, &v, &w, &area);
-  if (lane_bits16(inside) == 0) return false;
-  const uint id = b->ids[lane];
-  const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, id, found);
-  if (lane_bits16(taken) == 0) return false;
-  take_lanes(taken, t, v / area, w / area, id, at, found);
-  return true;
-}
-
-static ALWAYS_INLINE bool intersect_block_packet(__global const PrimitiveBlock* blocks, uint block,
-                                                 const Packet* p, const PacketShear* s, float limit,
-                                                 Found16* found) {
+// The arithmetic is intersect_block()'s, so the hits are, where the beam agrees in its longest axis.
+static ALWAYS_INLINE bool intersect_block_beam(__global const PrimitiveBlock* blocks, uint block,
+                                               const Beam* beam, BeamFound* found) {
   __global const PrimitiveBlock* b = blocks + block;
-  bool taken = false;
-  for (uint mask = intersect_boxes_packet(b, &p->bounds, limit); mask != 0; mask &= mask - 1) {
-    const uint lane = lowest_bit(mask);
-    taken |= intersect_primitive_packet(b, lane, block * PRIMITIVE_BLOCK_WIDTH + lane, p, s, found);
+  const float ox = beam->origin[beam->kx], oy = beam->origin[beam->ky], oz = beam->origin[beam->kz];
+  SeenBoxes seen;
+  seen.depth = FLT_MAX;
+  for (uint i = 0; i < 3; ++i) {
+    const float16 z = TWICE(beam->kz + 3 * i) - oz, u = (TWICE(beam->kx + 3 * i) - ox) / z,
+                  v = (TWICE(beam->ky + 3 * i) - oy) / z;
+    seen.lo[0] = i == 0 ? u : min(u, seen.lo[0]);
+    seen.hi[0] = i == 0 ? u : max(u, seen.hi[0]);
+    seen.lo[1] = i == 0 ? v : min(v, seen.lo[1]);
+    seen.hi[1] = i == 0 ? v : max(v, seen.hi[1]);
+    seen.depth = min(seen.depth, least(select((float16)(FLT_MAX), z * beam->side, z == z)));
   }
-  return taken;
+  const float8 used = vload8(0, b->rows[0]);
+  seen.used = lane_bits8(used == used);
+  bool any = false;
+  for (uint packets = packets_before(beam, found, &seen); packets != 0; packets &= packets - 1) {
+    const uint i = lowest_bit(packets);
+    const Packet* p = beam->packets + i;
+    Found16 nearest = found->of[i];
+    bool taken_any = false;
+    for (uint mask = boxes_seen(beam, i, &seen); mask != 0; mask &= mask - 1) {
+      const uint lane = lowest_bit(mask), at = block * PRIMITIVE_BLOCK_WIDTH + lane;
+#define CORNER(i)                                                                   \
+  {                                                                                 \
+    b->rows[beam->kx + 3 * (i)][lane] - ox, b->rows[beam->ky + 3 * (i)][lane] - oy, \
+        b->rows[beam->kz + 3 * (i)][lane] - oz                                      \
+  }
+      const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
+#undef CORNER
+      float16 t, v, w, area;
+      const int16 inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &v, &w, &area);
+      if (lane_bits16(inside) == 0) continue;
+      const int16 taken = inside & (t >= 0.0f) & is_nearer_packet(t, b->ids[lane], &nearest);
+      if (lane_bits16(taken) == 0) continue;
+      take_lanes(taken, t, v / area, w / area, b->ids[lane], at, &nearest);
+      taken_any = true;
+    }
+    if (taken_any) take_packet(&nearest, i, found);
+    any |= taken_any;
+  }
+  return any;
 }
 #else
 static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at) {
@@ -122,13 +119,11 @@ static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks,
   const int8 inside = intersect_discs8(centre, normal, vload8(0, b->rows[6]), q->direction, &t);
   const uint mask = lane_bits8(inside & (t >= q->tmin) & (t <= found->t));
   if (mask == 0 || !take_nearest(mask, t, t, t, blocks, block, found)) return false;
-  const uint at = found->at;
-  const float2 place = disc_place(block_vector(blocks, at, 0), block_vector(blocks, at, 3),
-                                  blocks[at / PRIMITIVE_BLOCK_WIDTH].rows[6][at % PRIMITIVE_BLOCK_WIDTH],
-                                  (float3)(q->origin[0], q->origin[1], q->origin[2]),
-                                  (float3)(q->direction[0], q->direction[1], q->direction[2]), found->t);
-  found->u = place.x;
-  found->v = place.y;
+  const uint lane = found->at % PRIMITIVE_BLOCK_WIDTH;
+  const float own_centre[3] = {b->rows[0][lane] - q->origin[0], b->rows[1][lane] - q->origin[1],
+                               b->rows[2][lane] - q->origin[2]},
+              own_normal[3] = {b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]};
+  disc_place(own_centre, own_normal, b->rows[6][lane], q->direction, found->t, &found->u, &found->v);
   return true;
 }
 #endif

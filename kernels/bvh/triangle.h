@@ -66,6 +66,16 @@ DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, int8, 8)  /
 DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, int16,
                           16)  // 16 rays, 1 triangle
 
+// normalize() of 16 vectors. Scaled first, as it does: the squares of a sliver's normal would vanish.
+static ALWAYS_INLINE void normalize16(float16* n) {
+  const float16 largest = max(fabs(n[0]), max(fabs(n[1]), fabs(n[2])));
+  const float16 inverse = select((float16)(0.0f), 1.0f / largest, largest > 0.0f);
+  for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse;
+  const float16 squares = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+  const float16 inverse_length = select((float16)(0.0f), 1.0f / sqrt(squares), squares > 0.0f);
+  for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse_length;
+}
+
 // triangle_normal() of 16 triangles, a coordinate a vector.
 static ALWAYS_INLINE void triangle_normals16(const float16* a, const float16* b, const float16* c,
                                              float16* n) {
@@ -82,12 +92,6 @@ static ALWAYS_INLINE void triangle_normals16(const float16* a, const float16* b,
   }
   for (uint axis = 0; axis < 3; ++axis)
     n[axis] = ab[(axis + 1) % 3] * ac[(axis + 2) % 3] - ab[(axis + 2) % 3] * ac[(axis + 1) % 3];
-  // Scaled again, as normalize() does it: the squares of a sliver's would vanish.
-  const float16 largest = max(fabs(n[0]), max(fabs(n[1]), fabs(n[2])));
-  const float16 inverse = select((float16)(0.0f), 1.0f / largest, largest > 0.0f);
-  for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse;
-  const float16 squares = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-  const float16 inverse_length = select((float16)(0.0f), 1.0f / sqrt(squares), squares > 0.0f);
-  for (uint axis = 0; axis < 3; ++axis) n[axis] *= inverse_length;
+  normalize16(n);
 }
 #endif

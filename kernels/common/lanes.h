@@ -15,6 +15,15 @@
 // A scalar comparison is one lane.
 static inline uint lane_bits1(int lane) { return lane != 0 ? 1u : 0u; }
 
+static inline uint lane_bits4(int4 lanes) {
+#if defined(__clang__) && defined(__SSE__)
+  return (uint)__builtin_ia32_movmskps(as_float4(lanes));
+#else
+  const int4 bits = lanes & (int4)(1, 2, 4, 8);
+  return (uint)(bits.x | bits.y | bits.z | bits.w);
+#endif
+}
+
 #if defined(__clang__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
 static inline uint lane_bits8(int8 lanes) { return (uchar)__builtin_ia32_cvtd2mask256(lanes); }
 static inline uint lane_bits16(int16 lanes) { return (ushort)__builtin_ia32_cvtd2mask512(lanes); }
@@ -75,5 +84,9 @@ static inline float least(float16 v) {
   return min(v2.x, v2.y);
 }
 
+#ifdef __clang__
+static inline uint lowest_bit(uint mask) { return (uint)__builtin_ctz(mask); }
+#else
 static inline uint lowest_bit(uint mask) { return 31u - clz(mask & (0u - mask)); }
+#endif
 #endif

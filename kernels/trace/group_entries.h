@@ -1,10 +1,8 @@
 // The kernel that casts 16 rays a work-item, each by itself: what comes before and after the traversal is
-// computed for all 16 at once. Beside what entries.h asks for, the file that
-// includes this has defined
-//   HitLanes, make_lanes(tree, found, d, lanes)   what hits need beside what was found; d: the directions
-//   Hit lane_hit(tree, found, lanes, i, ray)      of a ray that hit.
-#include "kernels/bvh/packet.h"
+// computed for all 16 at once. Beside what entries.h asks for, the file that includes this has defined
+//   void make_hits16(tree, found, origin, direction, hits)   make_hit() for 16 rays.
 #include "kernels/common/no_hit.h"
+#include "kernels/trace/hit_lanes.h"
 #include "kernels/trace/ray_lanes.h"
 
 __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint count, uint any,
@@ -19,8 +17,8 @@ __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint co
   load_lanes(own, used, &lanes_of_rays);
   QueryLanes queries;
   prepare_lanes(&lanes_of_rays, &scene, &queries);
-  FoundLanes found;
-  uint hit = 0;  // as bits
+  float t[PACKET], u[PACKET], v[PACKET];
+  uint id[PACKET], place[PACKET];
   for (uint i = 0; i < PACKET; ++i) {
     Found nearest = {0.0f, 0.0f, 0.0f, RBVH_NO_LEAF, 0u};
     uint2 visited = (uint2)(0u);
@@ -30,16 +28,17 @@ __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint co
       nearest.t = min(own[i].tmax, FLT_MAX);
       visited = traverse(&tree, &q, any, &nearest);
     }
-    if (nearest.id != RBVH_NO_LEAF) hit |= 1u << i;
-    found.t[i] = nearest.t;
-    found.u[i] = nearest.u;
-    found.v[i] = nearest.v;
-    found.id[i] = nearest.id;
-    found.at[i] = nearest.at;
+    t[i] = nearest.t;
+    u[i] = nearest.u;
+    v[i] = nearest.v;
+    id[i] = nearest.id;
+    place[i] = nearest.at;
     if (steps && i < used) steps[first + i] = visited.x + visited.y;
   }
+  const Found16 found = {vload16(0, t), vload16(0, u), vload16(0, v), vload16(0, id), vload16(0, place)};
   HitLanes lanes;
-  if (hit != 0) make_lanes(&tree, &found, lanes_of_rays.direction, &lanes);
-  for (uint i = 0; i < used; ++i)
-    hits[first + i] = hit >> i & 1 ? lane_hit(&tree, &found, &lanes, i, &own[i]) : no_hit();
+  make_hits16(&tree, &found, lanes_of_rays.origin, lanes_of_rays.direction, &lanes);
+  Hit made[PACKET];
+  store_hits(&lanes, made);
+  for (uint i = 0; i < used; ++i) hits[first + i] = made[i];
 }

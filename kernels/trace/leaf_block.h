@@ -4,7 +4,7 @@
 #ifndef RBVH_LEAF_BLOCK_H
 #define RBVH_LEAF_BLOCK_H
 #include "kernels/bvh/disc.h"
-#include "kernels/bvh/packet.h"
+#include "kernels/bvh/beam.h"
 #include "kernels/bvh/triangle.h"
 #include "kernels/trace/tile_tree.h"
 
@@ -90,45 +90,48 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Qu
   return mask != 0 && take_nearest(mask, t, areas.v, areas.w, areas.sum, tree->tile_count + at, at, found);
 }
 
-// Triangles that any of the packet's rays may hit, as bits: those whose box, seen from the rays' origin,
-// meets the packet's. Most of a block's lie beside it. x, y, z: the vertices along kx, ky, kz.
-static ALWAYS_INLINE uint triangles_in_window(const PacketWindow* window, float16 x, float16 y, float16 z,
-                                              int16 c0, int16 c1, int16 c2) {
-  if (window->side == 0.0f || lane_bits16(z * window->side > 0.0f) != ALL_LANES) return ALL_LANES;
-  const float16 u = x / z, u0 = permute16(u, c0), u1 = permute16(u, c1), u2 = permute16(u, c2);
-  const float16 v = y / z, v0 = permute16(v, c0), v1 = permute16(v, c1), v2 = permute16(v, c2);
-  return lane_bits16((min(u0, min(u1, u2)) <= window->hi[0]) & (max(u0, max(u1, u2)) >= window->lo[0]) &
-                     (min(v0, min(v1, v2)) <= window->hi[1]) & (max(v0, max(v1, v2)) >= window->lo[1]));
-}
-
-static ALWAYS_INLINE bool intersect_block_packet(const Tree* tree, uint block, const Packet* p, float limit,
-                                                 Found16* found) {
-  __global const LeafBlock* b = tree->blocks + block;
-  const PacketShear* s = &p->shear;
-  const float16 x = vertex_row(tree, b, s->kx, p->origin), y = vertex_row(tree, b, s->ky, p->origin),
-                z = vertex_row(tree, b, s->kz, p->origin);
+// Each triangle's box, seen from the rays' origin, tells which packets may hit it: most of a block's lie
+// beside a packet.
+static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
+                                               BeamFound* found) {
+  __global const LeafBlock* l = tree->blocks + block;
+  const float16 x = vertex_row(tree, l, b->kx, b->origin), y = vertex_row(tree, l, b->ky, b->origin),
+                z = vertex_row(tree, l, b->kz, b->origin);
   float seen[3][16];
   vstore16(x, 0, seen[0]);
   vstore16(y, 0, seen[1]);
   vstore16(z, 0, seen[2]);
-  uint mask = lanes_in_use(b) & triangles_in_window(&p->window, x, y, z, load_bytes(b->corners[0]),
-                                                    load_bytes(b->corners[1]), load_bytes(b->corners[2]));
-  bool taken_any = false;
-  for (; mask != 0; mask &= mask - 1) {
-    const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
+  const int16 c0 = load_bytes(l->corners[0]), c1 = load_bytes(l->corners[1]), c2 = load_bytes(l->corners[2]);
+  const float16 u = x / z, u0 = permute16(u, c0), u1 = permute16(u, c1), u2 = permute16(u, c2);
+  const float16 v = y / z, v0 = permute16(v, c0), v1 = permute16(v, c1), v2 = permute16(v, c2);
+  const SeenBoxes boxes = {{min(u0, min(u1, u2)), min(v0, min(v1, v2))},
+                           {max(u0, max(u1, u2)), max(v0, max(v1, v2))},
+                           least(z * b->side),
+                           lanes_in_use(l)};
+  bool any = false;
+  for (uint packets = packets_before(b, found, &boxes); packets != 0; packets &= packets - 1) {
+    const uint i = lowest_bit(packets);
+    const Packet* p = b->packets + i;
+    Found16 nearest = found->of[i];
+    bool taken_any = false;
+    for (uint mask = boxes_seen(b, i, &boxes); mask != 0; mask &= mask - 1) {
+      const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
 #define CORNER(i) \
-  { seen[0][b->corners[i][lane]], seen[1][b->corners[i][lane]], seen[2][b->corners[i][lane]] }
-    const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
+  { seen[0][l->corners[i][lane]], seen[1][l->corners[i][lane]], seen[2][l->corners[i][lane]] }
+      const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
 #undef CORNER
-    float16 t, v, w, area;
-    const int16 inside = intersect_corners_packet(p0, p1, p2, s->sx, s->sy, s->sz, &t, &v, &w, &area);
-    if (lane_bits16(inside) == 0) continue;
-    const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, tree->tile_count + at, found);
-    if (lane_bits16(taken) == 0) continue;
-    take_lanes(taken, t, v / area, w / area, tree->tile_count + at, at, found);
-    taken_any = true;
+      float16 t, s, w, area;
+      const int16 inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &s, &w, &area);
+      if (lane_bits16(inside) == 0) continue;
+      const int16 taken = inside & (t >= 0.0f) & is_nearer_packet(t, tree->tile_count + at, &nearest);
+      if (lane_bits16(taken) == 0) continue;
+      take_lanes(taken, t, s / area, w / area, tree->tile_count + at, at, &nearest);
+      taken_any = true;
+    }
+    if (taken_any) take_packet(&nearest, i, found);
+    any |= taken_any;
   }
-  return taken_any;
+  return any;
 }
 #else
 // The vector in rows `row` to `row` + 2 of one disc.
@@ -138,14 +141,6 @@ static inline float3 block_vector(__global const LeafBlock* b, uint lane, uint r
 
 static inline float3 unit_normal(const Tree* tree, uint at) {
   return block_vector(tree->blocks + at / LEAF_BLOCK_WIDTH, at % LEAF_BLOCK_WIDTH, 3);
-}
-
-// Of the ray's point at t, across the disc: -1 to 1.
-static inline float2 place_on_disc(const Tree* tree, uint at, float3 origin, float3 direction, float t) {
-  __global const LeafBlock* b = tree->blocks + at / LEAF_BLOCK_WIDTH;
-  const uint lane = at % LEAF_BLOCK_WIDTH;
-  return disc_place(block_vector(b, lane, 0), block_vector(b, lane, 3), b->rows[6][lane], origin, direction,
-                    t);
 }
 
 static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {
@@ -160,33 +155,38 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Qu
   return mask != 0 && take_nearest(mask, t, t, t, (float16)(1.0f), tree->tile_count + at, at, found);
 }
 
-static ALWAYS_INLINE uint intersect_boxes_packet(__global const LeafBlock* b, const PacketBounds* p,
-                                                 float limit) {
-  const float16 radius = vload16(0, b->rows[6]);
-#define LOAD(row) (vload16(0, b->rows[(row) % 3]) + ((row) > 2 ? radius : -radius))
-  float16 enter = p->tmin, leave = limit;
-  PACKET_INTERVAL(float16, LOAD, p, p->inverse, p->near_offset, p->far_offset, enter, leave)
-#undef LOAD
-  return lane_bits16(enter <= leave) & lanes_in_use(b);
-}
-
-static ALWAYS_INLINE bool intersect_block_packet(const Tree* tree, uint block, const Packet* p, float limit,
-                                                 Found16* found) {
-  __global const LeafBlock* b = tree->blocks + block;
-  bool taken_any = false;
-  for (uint mask = intersect_boxes_packet(b, &p->bounds, limit); mask != 0; mask &= mask - 1) {
-    const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
-    const float centre[3] = {b->rows[0][lane] - p->origin[0], b->rows[1][lane] - p->origin[1],
-                             b->rows[2][lane] - p->origin[2]};
-    const float normal[3] = {b->rows[3][lane], b->rows[4][lane], b->rows[5][lane]};
-    float16 t;
-    const int16 inside = intersect_disc_packet(centre, normal, b->rows[6][lane], p->d, &t);
-    const int16 taken = inside & (t >= p->bounds.tmin) & is_nearer_packet(t, tree->tile_count + at, found);
-    if (lane_bits16(taken) == 0) continue;
-    take_lanes(taken, t, t, t, tree->tile_count + at, at, found);
-    taken_any = true;
+static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
+                                               BeamFound* found) {
+  __global const LeafBlock* l = tree->blocks + block;
+  const float16 radius = vload16(0, l->rows[6]);
+  const float16 x = vload16(0, l->rows[b->kx]) - b->origin[b->kx],
+                y = vload16(0, l->rows[b->ky]) - b->origin[b->ky],
+                z = (vload16(0, l->rows[b->kz]) - b->origin[b->kz]) * b->side;
+  SeenBoxes seen;
+  see_boxes(b, x - radius, x + radius, y - radius, y + radius, z - radius, z + radius, lanes_in_use(l),
+            &seen);
+  bool any = false;
+  for (uint packets = packets_before(b, found, &seen); packets != 0; packets &= packets - 1) {
+    const uint i = lowest_bit(packets);
+    const Packet* p = b->packets + i;
+    Found16 nearest = found->of[i];
+    bool taken_any = false;
+    for (uint mask = boxes_seen(b, i, &seen); mask != 0; mask &= mask - 1) {
+      const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
+      const float centre[3] = {l->rows[0][lane] - b->origin[0], l->rows[1][lane] - b->origin[1],
+                               l->rows[2][lane] - b->origin[2]};
+      const float normal[3] = {l->rows[3][lane], l->rows[4][lane], l->rows[5][lane]};
+      float16 t;
+      const int16 inside = intersect_disc_packet(centre, normal, l->rows[6][lane], p->d, &t);
+      const int16 taken = inside & (t >= 0.0f) & is_nearer_packet(t, tree->tile_count + at, &nearest);
+      if (lane_bits16(taken) == 0) continue;
+      take_lanes(taken, t, t, t, tree->tile_count + at, at, &nearest);
+      taken_any = true;
+    }
+    if (taken_any) take_packet(&nearest, i, found);
+    any |= taken_any;
   }
-  return taken_any;
+  return any;
 }
 #endif
 #endif

@@ -1,7 +1,7 @@
 // Sixteen rays from one point march a tile in lockstep, a grid line of its own major axis each.
 #ifndef RBVH_MARCH_PACKET_H
 #define RBVH_MARCH_PACKET_H
-#include "kernels/bvh/packet.h"
+#include "kernels/bvh/beam.h"
 #include "kernels/trace/march.h"
 
 #pragma OPENCL FP_CONTRACT ON
@@ -13,15 +13,15 @@ typedef struct TilePacket {
   float16 t0, t1;
 } TilePacket;
 
-static ALWAYS_INLINE void enter_tile_packet(__global const RbvhTile* tile, const Packet* p, float16 limit,
-                                            TilePacket* r) {
+static ALWAYS_INLINE void enter_tile_packet(__global const RbvhTile* tile, const float* origin,
+                                            const Packet* p, float16 limit, TilePacket* r) {
   __global const float* m = tile->columns;
   const float top[3] = {(float)(tile->width - 1), (float)(tile->height - 1), tile->top + 1.0f};
-  r->t0 = p->bounds.tmin;
+  r->t0 = 0.0f;
   r->t1 = limit;
 #pragma unroll
   for (uint row = 0; row < 3; ++row) {
-    r->o[row] = m[row] * p->origin[0] + m[row + 3] * p->origin[1] + m[row + 6] * p->origin[2] + m[row + 9];
+    r->o[row] = m[row] * origin[0] + m[row + 3] * origin[1] + m[row + 6] * origin[2] + m[row + 9];
     r->d[row] = m[row] * p->d[0] + m[row + 3] * p->d[1] + m[row + 6] * p->d[2] + 1e-20f;
     const float16 inverse = 1.0f / r->d[row];
     const float16 a = -r->o[row] * inverse, b = (top[row] - r->o[row]) * inverse;
@@ -31,11 +31,11 @@ static ALWAYS_INLINE void enter_tile_packet(__global const RbvhTile* tile, const
 }
 
 // Takes the rays' first crossings of the tile where they are nearer than what was found. Counts lines.
-static ALWAYS_INLINE bool march_packet(const Tree* tree, uint id, const Packet* p, Found16* found,
-                                       uint2* visited) {
+static ALWAYS_INLINE bool march_packet(const Tree* tree, uint id, const float* origin, const Packet* p,
+                                       Found16* found, uint2* visited) {
   __global const RbvhTile* tile = tree->tiles + id;
   TilePacket r;
-  enter_tile_packet(tile, p, found->t, &r);
+  enter_tile_packet(tile, origin, p, found->t, &r);
   int16 active = r.t0 <= r.t1;
   if (lane_bits16(active) == 0u) return false;
   const int width = tile->width, height = tile->height;
@@ -73,9 +73,9 @@ static ALWAYS_INLINE bool march_packet(const Tree* tree, uint id, const Packet* 
       const float16 refined =
           refine_packet(tree, tile, r.o, r.d[0], r.d[1], r.d[2], s.from_t, s.from_D, s.to_t, s.to_D);
       const float16 hit = select(refined, t, grazed);
-      const int16 taken = (crossed | grazed) & (hit >= p->bounds.tmin) & is_nearer_packet(hit, id, found) &
-                          INSIDE(tile, p->origin[0] + p->d[0] * hit, p->origin[1] + p->d[1] * hit,
-                                 p->origin[2] + p->d[2] * hit);
+      const int16 taken =
+          (crossed | grazed) & (hit >= 0.0f) & is_nearer_packet(hit, id, found) &
+          INSIDE(tile, origin[0] + p->d[0] * hit, origin[1] + p->d[1] * hit, origin[2] + p->d[2] * hit);
       found->t = select(found->t, hit, taken);
       found->id = select(found->id, (uint16)(id), taken);
       active &= ~taken;
@@ -88,6 +88,20 @@ static ALWAYS_INLINE bool march_packet(const Tree* tree, uint id, const Packet* 
     D = D_line;
     row = row_line;
     line += step;
+  }
+  return any;
+}
+
+static ALWAYS_INLINE bool march_beam(const Tree* tree, uint id, const Beam* b, BeamFound* found,
+                                     uint2* visited) {
+  __global const RbvhTile* tile = tree->tiles + id;
+  bool any = false;
+  for (uint packets = packets_into(b, found, tile->lo, tile->hi); packets != 0; packets &= packets - 1) {
+    const uint i = lowest_bit(packets);
+    Found16 nearest = found->of[i];
+    if (!march_packet(tree, id, b->origin, b->packets + i, &nearest, visited)) continue;
+    take_packet(&nearest, i, found);
+    any = true;
   }
   return any;
 }

@@ -2,31 +2,43 @@
 #ifndef RBVH_TILE_HIT_H
 #define RBVH_TILE_HIT_H
 #include "kernels/common/no_hit.h"
+#include "kernels/trace/hit_lanes.h"
 #include "kernels/trace/leaf_block.h"
 
 #pragma OPENCL FP_CONTRACT ON
 
-// The gradient of a tile's height at u, v, in quanta a texel. Where a corner is missing, the slope along the
-// edge that is there stands for it.
-static ALWAYS_INLINE float2 height_slope(const Tree* tree, __global const RbvhTile* tile, float u, float v) {
-  const int width = tile->width, height = tile->height;
-  const int x = clamp((int)u, 0, width - 2), y = clamp((int)v, 0, height - 2);
-  const float fu = u - (float)x, fv = v - (float)y;
-  const uint at = (uint)(y * width + x);
-  if (!IN_BOUNDS(tree->bounds, HEIGHTS, (ulong)tile->offset + at, (ulong)width + 2)) return 0.0f;
-  __global const ushort* q = tree->heights + tile->offset + at;
-  const float a = (float)q[0], b = (float)q[1], c = (float)q[width], d = (float)q[width + 1];
-  const float ab = a != 0.0f && b != 0.0f ? b - a : NAN, cd = c != 0.0f && d != 0.0f ? d - c : NAN;
-  const float ac = a != 0.0f && c != 0.0f ? c - a : NAN, bd = b != 0.0f && d != 0.0f ? d - b : NAN;
-  const float du = isnan(ab) ? cd : isnan(cd) ? ab : ab + (cd - ab) * fv;
-  const float dv = isnan(ac) ? bd : isnan(bd) ? ac : ac + (bd - ac) * fu;
-  return (float2)(isnan(du) ? 0.0f : du, isnan(dv) ? 0.0f : dv);
-}
+// Defines  void NAME(tree, tile, u, v, du, dv): the gradient of a tile's height at u, v, in quanta a texel.
+// Where a corner is missing, the slope along the edge that is there stands for it. F, I, ...: as for
+// DEFINE_REFINE.
+#define DEFINE_HEIGHT_SLOPE(NAME, F, I, CONVERT, CONVERT_INT, READ, ARE_IN_BOUNDS)                          \
+  static ALWAYS_INLINE void NAME(const Tree* tree, __global const RbvhTile* tile, F u, F v, F* du, F* dv) { \
+    const int width = tile->width, height = tile->height;                                                   \
+    const I x = clamp(CONVERT_INT(u), (I)(0), (I)(width - 2)),                                              \
+            y = clamp(CONVERT_INT(v), (I)(0), (I)(height - 2));                                             \
+    const F fu = u - CONVERT(x), fv = v - CONVERT(y);                                                       \
+    const I at = y * width + x;                                                                             \
+    *du = *dv = 0.0f;                                                                                       \
+    if (!ARE_IN_BOUNDS(tree->bounds, tile->offset, at)) return;                                             \
+    if (!ARE_IN_BOUNDS(tree->bounds, tile->offset, at + width + 1)) return;                                 \
+    __global const ushort* p = tree->heights + tile->offset;                                                \
+    const F a = CONVERT(READ(p, at)), b = CONVERT(READ(p + 1, at)), c = CONVERT(READ(p + width, at)),       \
+            d = CONVERT(READ(p + width + 1, at)), none = NAN;                                               \
+    const F ab = select(none, b - a, (a > 0.0f) & (b > 0.0f)),                                              \
+            cd = select(none, d - c, (c > 0.0f) & (d > 0.0f)),                                              \
+            ac = select(none, c - a, (a > 0.0f) & (c > 0.0f)),                                              \
+            bd = select(none, d - b, (b > 0.0f) & (d > 0.0f));                                              \
+    *du = select(select(ab + (cd - ab) * fv, ab, isnan(cd)), cd, isnan(ab));                                \
+    *dv = select(select(ac + (bd - ac) * fu, ac, isnan(bd)), bd, isnan(ac));                                \
+    *du = select(*du, (F)(0.0f), isnan(*du));                                                               \
+    *dv = select(*dv, (F)(0.0f), isnan(*dv));                                                               \
+  }
 
-static ALWAYS_INLINE void name_primitive(const Tree* tree, uint at, Hit* h) {
-  __global const LeafBlock* block = tree->blocks + at / LEAF_BLOCK_WIDTH;
-  h->leaf = block->leaf;
-  h->flags = RBVH_HIT_TRIANGLE_LEAF | ((uint)block->places[at % LEAF_BLOCK_WIDTH] << RBVH_HIT_PRIMITIVE);
+DEFINE_HEIGHT_SLOPE(height_slope, float, int, (float), (int), READ_ONE, ONE_IN_BOUNDS)
+DEFINE_HEIGHT_SLOPE(height_slope16, float16, int16, convert_float16, convert_int16, gather16, ALL_IN_BOUNDS)
+
+// Which of its leaf's the primitive is, for a hit's flags.
+static inline uint primitive_flags(__global const LeafBlock* block, uint lane) {
+  return RBVH_HIT_TRIANGLE_LEAF | ((uint)block->places[lane] << RBVH_HIT_PRIMITIVE);
 }
 
 static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
@@ -41,21 +53,26 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
                  rw = (float3)(m[2], m[5], m[8]), p = origin + d * found->t;
     const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
     // Of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
-    const float2 slope = height_slope(tree, tile, u, v);
-    n = normalize(rw - ru * slope.x - rv * slope.y);
+    float du, dv;
+    height_slope(tree, tile, u, v, &du, &dv);
+    n = normalize(rw - ru * du - rv * dv);
     h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
     h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
     h.leaf = tile->leaf;
   } else {
+    __global const LeafBlock* block = tree->blocks + found->at / LEAF_BLOCK_WIDTH;
+    const uint lane = found->at % LEAF_BLOCK_WIDTH;
     n = unit_normal(tree, found->at);
+    h.u = found->u;
+    h.v = found->v;
 #ifdef DISCS
-    const float2 place = place_on_disc(tree, found->at, origin, d, found->t);
-#else
-    const float2 place = (float2)(found->u, found->v);
+    const float centre[3] = {block->rows[0][lane] - ray->origin[0], block->rows[1][lane] - ray->origin[1],
+                             block->rows[2][lane] - ray->origin[2]},
+                normal[3] = {n.x, n.y, n.z};
+    disc_place(centre, normal, block->rows[6][lane], ray->direction, found->t, &h.u, &h.v);
 #endif
-    h.u = place.x;
-    h.v = place.y;
-    name_primitive(tree, found->at, &h);
+    h.leaf = block->leaf;
+    h.flags = primitive_flags(block, lane);
   }
   h.t = found->t;
   h.normal[0] = n.x;
@@ -65,57 +82,92 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
   return h;
 }
 
-static ALWAYS_INLINE bool is_primitive(const Tree* tree, uint id) {
-  return id >= tree->tile_count && id != RBVH_NO_LEAF;
+// What make_hit() computes, for rays that hit one tile: those of `which`.
+static ALWAYS_INLINE void put_tile_hits(const Tree* tree, uint id, const Found16* found, const float16* o,
+                                        const float16* d, int16 which, HitLanes* h) {
+  __global const RbvhTile* tile = tree->tiles + id;
+  __global const float* m = tile->columns;
+  const float16 p[3] = {o[0] + d[0] * found->t, o[1] + d[1] * found->t, o[2] + d[2] * found->t};
+  const float16 u = m[0] * p[0] + m[3] * p[1] + m[6] * p[2] + m[9],
+                v = m[1] * p[0] + m[4] * p[1] + m[7] * p[2] + m[10];
+  float16 du, dv;
+  height_slope16(tree, tile, u, v, &du, &dv);
+  float16 n[3];
+  for (uint axis = 0; axis < 3; ++axis) {
+    __global const float* column = m + 3 * axis;
+    n[axis] = column[2] - column[0] * du - column[1] * dv;
+  }
+  normalize16(n);
+  for (uint axis = 0; axis < 3; ++axis) h->normal[axis] = select(h->normal[axis], n[axis], which);
+  h->u = select(h->u, clamp(u / (float)(tile->width - 1), 0.0f, 1.0f), which);
+  h->v = select(h->v, clamp(v / (float)(tile->height - 1), 0.0f, 1.0f), which);
+  h->leaf = select(h->leaf, (uint16)(tile->leaf), which);
 }
 
-// What make_hit() computes, for 16 rays at once, as far as they hit triangles.
-typedef struct HitLanes {
-  float normal[3][16];
-  uint back;  // as bits
-} HitLanes;
+#define OF_EACH(row) permute16(vload16(0, row), slot)
 
-static ALWAYS_INLINE void make_lanes(const Tree* tree, const FoundLanes* found, const float16* d,
-                                     HitLanes* lanes) {
-#ifndef DISCS
-  float corners[3][3][16];
-  bool any = false;
-  for (uint i = 0; i < 16; ++i) {
-    if (!is_primitive(tree, found->id[i])) continue;
-    any = true;
-    __global const LeafBlock* b = tree->blocks + found->at[i] / LEAF_BLOCK_WIDTH;
+// The same for those that hit primitives. What is read of these is read once for all rays that hit the same.
+static ALWAYS_INLINE void put_primitive_hits(const Tree* tree, const Found16* found, const float16* o,
+                                             const float16* d, int16 which, HitLanes* h) {
+  uint at[16];
+  float leaf[16], flags[16];  // bits
+  float rows[9][16];
+  vstore16(found->at, 0, at);
+  int16 slot = 0;  // of each ray's primitive in these
+  uint count = 0;
+  for (uint left = lane_bits16(which), same; left != 0; left &= ~same, ++count) {
+    const uint primitive = at[lowest_bit(left)], lane = primitive % LEAF_BLOCK_WIDTH;
+    const int16 alike = found->at == primitive;
+    same = lane_bits16(alike);
+    slot = select(slot, (int16)((int)count), alike);
+    __global const LeafBlock* b = tree->blocks + primitive / LEAF_BLOCK_WIDTH;
+    leaf[count] = as_float(b->leaf);
+    flags[count] = as_float(primitive_flags(b, lane));
+#ifdef DISCS
+    for (uint row = 0; row < 7; ++row) rows[row][count] = b->rows[row][lane];
+#else
     for (uint k = 0; k < 3; ++k) {
-      const float3 corner = block_vertex(tree, b, b->corners[k][found->at[i] % LEAF_BLOCK_WIDTH]);
-      corners[k][0][i] = corner.x;
-      corners[k][1][i] = corner.y;
-      corners[k][2][i] = corner.z;
+      const float3 corner = block_vertex(tree, b, b->corners[k][lane]);
+      rows[3 * k][count] = corner.x;
+      rows[3 * k + 1][count] = corner.y;
+      rows[3 * k + 2][count] = corner.z;
     }
-  }
-  if (!any) return;
-  float16 c[3][3], n[3];
-  for (uint k = 0; k < 3; ++k)
-    for (uint axis = 0; axis < 3; ++axis) c[k][axis] = vload16(0, corners[k][axis]);
-  triangle_normals16(c[0], c[1], c[2], n);
-  for (uint axis = 0; axis < 3; ++axis) vstore16(n[axis], 0, lanes->normal[axis]);
-  lanes->back = lane_bits16(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0f);
 #endif
+  }
+  float16 n[3], u = found->u, v = found->v;
+#ifdef DISCS
+  const float16 centre[3] = {OF_EACH(rows[0]) - o[0], OF_EACH(rows[1]) - o[1], OF_EACH(rows[2]) - o[2]};
+  for (uint axis = 0; axis < 3; ++axis) n[axis] = OF_EACH(rows[3 + axis]);
+  disc_place16(centre, n, OF_EACH(rows[6]), d, found->t, &u, &v);
+#else
+  float16 corners[3][3];
+  for (uint k = 0; k < 3; ++k)
+    for (uint axis = 0; axis < 3; ++axis) corners[k][axis] = OF_EACH(rows[3 * k + axis]);
+  triangle_normals16(corners[0], corners[1], corners[2], n);
+#endif
+  for (uint axis = 0; axis < 3; ++axis) h->normal[axis] = select(h->normal[axis], n[axis], which);
+  h->u = select(h->u, u, which);
+  h->v = select(h->v, v, which);
+  h->leaf = select(h->leaf, as_uint16(OF_EACH(leaf)), which);
+  h->flags = select(h->flags, as_uint16(OF_EACH(flags)), which);
 }
 
-static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const FoundLanes* found, const HitLanes* l, uint i,
-                                  const Ray* ray) {
-#ifndef DISCS
-  if (is_primitive(tree, found->id[i])) {
-    Hit h;
-    h.t = found->t[i];
-    for (uint axis = 0; axis < 3; ++axis) h.normal[axis] = l->normal[axis][i];
-    h.u = found->u[i];
-    h.v = found->v[i];
-    name_primitive(tree, found->at[i], &h);
-    if (l->back >> i & 1) h.flags |= RBVH_HIT_BACK_FACE;
-    return h;
+// What make_hit() computes, for 16 rays at once.
+static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, const float16* o,
+                                      const float16* d, HitLanes* h) {
+  no_hits(h);
+  const int16 hit = found->id != RBVH_NO_LEAF, on_tile = found->id < tree->tile_count, other = hit & ~on_tile;
+  h->t = select(h->t, found->t, hit);
+  if (lane_bits16(other) != 0) put_primitive_hits(tree, found, o, d, other, h);
+  uint id[16];
+  vstore16(found->id, 0, id);
+  for (uint left = lane_bits16(on_tile); left != 0;) {
+    const uint tile = id[lowest_bit(left)];
+    const int16 alike = found->id == tile;
+    left &= ~lane_bits16(alike);
+    put_tile_hits(tree, tile, found, o, d, alike, h);
   }
-#endif
-  const Found alone = {found->t[i], found->u[i], found->v[i], found->id[i], found->at[i]};
-  return make_hit(tree, &alone, ray);
+  const float16 along = h->normal[0] * d[0] + h->normal[1] * d[1] + h->normal[2] * d[2];
+  h->flags |= select((uint16)(0u), (uint16)(RBVH_HIT_BACK_FACE), along > 0.0f);
 }
 #endif

@@ -20,31 +20,24 @@ static ALWAYS_INLINE bool intersect_element(const Tree* tree, uint id, const Que
   return intersect_block(tree, block, &own, found);
 }
 
-static ALWAYS_INLINE bool intersect_element_packet(const Tree* tree, uint id, const Packet* p, uint any,
-                                                   Found16* found, uint2* visited) {
+static ALWAYS_INLINE bool intersect_element_beam(const Tree* tree, uint id, const Beam* b, uint any,
+                                                 BeamFound* found, uint2* visited) {
   if (id < tree->tile_count) {
     if (!IN_BOUNDS(tree->bounds, TILES, id, 1)) return false;
-    return march_packet(tree, id, p, found, visited);
+    return march_beam(tree, id, b, found, visited);
   }
   const uint block = id - tree->tile_count;
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return false;
   ++visited->y;
-  return intersect_block_packet(tree, block, p, limit_of_packet(found), found);
+  return intersect_block_beam(tree, block, b, found);
 }
 
 DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_element, limit_of)
-DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_element_packet,
-                limit_of_packet)
+DEFINE_TRAVERSE(traverse_beam, Tree, Beam, BeamFound, open_beam, intersect_element_beam, limit_of_beam)
 
 // A tile is an approximation: rays need not find to the last bit what they find alone.
-static inline bool takes_packet(Packet* p) {
-#ifndef DISCS
-  p->shear = shear_packet(p->d);
-  p->window = packet_window(p->d, &p->shear);
-#endif
-  return true;
-}
+static inline bool takes_beam(const Beam* b) { return true; }
 
 #include "kernels/trace/entries.h"
 #include "kernels/trace/group_entries.h"
-#include "kernels/trace/packet_entries.h"
+#include "kernels/trace/beam_entries.h"

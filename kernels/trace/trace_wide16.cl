@@ -11,6 +11,7 @@
 // STACK: entries that any ray can need.
 #include "kernels/bvh/primitive_block.h"
 #include "kernels/bvh/wide_traverse.h"
+#include "kernels/trace/hit_lanes.h"
 
 #define NODE WideNode
 #define PRIMITIVE PrimitiveBlock
@@ -27,56 +28,50 @@ DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_leaf, limit_o
 #include "kernels/trace/exact_entries.h"
 
 #ifndef DISCS
-static ALWAYS_INLINE bool intersect_leaf_packet(const Tree* tree, uint block, const Packet* p, uint any,
-                                                Found16* found, uint2* visited) {
+static ALWAYS_INLINE bool intersect_leaf_beam(const Tree* tree, uint block, const Beam* b, uint any,
+                                              BeamFound* found, uint2* visited) {
   ++visited->y;
-  return intersect_block_packet(tree->primitives, block, p, &p->shear, limit_of_packet(found), found);
+  return intersect_block_beam(tree->primitives, block, b, found);
 }
 
-DEFINE_TRAVERSE(traverse_packet, Tree, Packet, Found16, open_packet, intersect_leaf_packet, limit_of_packet)
+DEFINE_TRAVERSE(traverse_beam, Tree, Beam, BeamFound, open_beam, intersect_leaf_beam, limit_of_beam)
 
 // So that every ray finds what it finds alone.
-static ALWAYS_INLINE bool takes_packet(Packet* p) {
-  p->shear = shear_packet(p->d);
-  return is_shear_of_each(p->d, p->shear.kz);
-}
+static ALWAYS_INLINE bool takes_beam(const Beam* b) { return is_shear_of_each(b); }
 
-// What make_hit() computes, for 16 rays at once.
-typedef struct HitLanes {
-  float normal[3][16];
-  uint back;  // as bits
-} HitLanes;
-
-static ALWAYS_INLINE void make_lanes(const Tree* tree, const FoundLanes* found, const float16* d,
-                                     HitLanes* lanes) {
-  float corners[9][16];
-  for (uint i = 0; i < 16; ++i) {
-    __global const PrimitiveBlock* b = tree->primitives + found->at[i] / PRIMITIVE_BLOCK_WIDTH;
-    for (uint row = 0; row < 9; ++row) corners[row][i] = b->rows[row][found->at[i] % PRIMITIVE_BLOCK_WIDTH];
+// What make_hit() computes, for 16 rays at once. What is read of triangles is read once for all rays that hit
+// the same.
+static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, const float16* o,
+                                      const float16* d, HitLanes* h) {
+  no_hits(h);
+  const int16 hit = found->id != RBVH_NO_LEAF;
+  uint at[16];
+  float rows[9][16];
+  vstore16(found->at, 0, at);
+  int16 slot = 0;  // of each ray's triangle in these
+  uint count = 0;
+  for (uint left = lane_bits16(hit), same; left != 0; left &= ~same, ++count) {
+    const uint triangle = at[lowest_bit(left)];
+    const int16 alike = found->at == triangle;
+    same = lane_bits16(alike);
+    slot = select(slot, (int16)((int)count), alike);
+    __global const PrimitiveBlock* b = tree->primitives + triangle / PRIMITIVE_BLOCK_WIDTH;
+    for (uint row = 0; row < 9; ++row) rows[row][count] = b->rows[row][triangle % PRIMITIVE_BLOCK_WIDTH];
   }
-  float16 a[3], b[3], c[3], n[3];
-  for (uint axis = 0; axis < 3; ++axis) {
-    a[axis] = vload16(0, corners[axis]);
-    b[axis] = vload16(0, corners[axis + 3]);
-    c[axis] = vload16(0, corners[axis + 6]);
-  }
-  triangle_normals16(a, b, c, n);
-  for (uint axis = 0; axis < 3; ++axis) vstore16(n[axis], 0, lanes->normal[axis]);
-  lanes->back = lane_bits16(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0f);
-}
-
-static ALWAYS_INLINE Hit lane_hit(const Tree* tree, const FoundLanes* found, const HitLanes* l, uint i,
-                                  const Ray* ray) {
-  Hit hit;
-  hit.t = found->t[i];
-  for (uint axis = 0; axis < 3; ++axis) hit.normal[axis] = l->normal[axis][i];
-  hit.u = found->u[i];
-  hit.v = found->v[i];
-  hit.leaf = found->id[i];
-  hit.flags = RBVH_HIT_TRIANGLE_LEAF | (l->back >> i & 1 ? RBVH_HIT_BACK_FACE : 0u);
-  return hit;
+  if (count == 0) return;
+  float16 corners[9], n[3];
+  for (uint row = 0; row < 9; ++row) corners[row] = permute16(vload16(0, rows[row]), slot);
+  triangle_normals16(corners, corners + 3, corners + 6, n);
+  for (uint axis = 0; axis < 3; ++axis) h->normal[axis] = select(h->normal[axis], n[axis], hit);
+  h->t = select(h->t, found->t, hit);
+  h->u = select(h->u, found->u, hit);
+  h->v = select(h->v, found->v, hit);
+  h->leaf = found->id;
+  const float16 along = h->normal[0] * d[0] + h->normal[1] * d[1] + h->normal[2] * d[2];
+  h->flags = select((uint16)(0u), (uint16)(RBVH_HIT_TRIANGLE_LEAF), hit) |
+             select((uint16)(0u), (uint16)(RBVH_HIT_BACK_FACE), along > 0.0f);
 }
 
 #include "kernels/trace/group_entries.h"
-#include "kernels/trace/packet_entries.h"
+#include "kernels/trace/beam_entries.h"
 #endif

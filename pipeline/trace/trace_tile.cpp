@@ -43,9 +43,9 @@ void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   const Buffer<std::uint32_t> steps_out = steps != nullptr ? *steps : Buffer<std::uint32_t>();
   const auto squares = [](std::uint32_t pixels, std::uint32_t side) { return (pixels + side - 1) / side; };
   if (device.info().is_cpu) {
-    const std::uint32_t in_row = squares(camera.width, 4);
-    device.kernel("trace/trace_tile", "trace_camera_packets", options)
-        .run(std::size_t{in_row} * squares(camera.height, 4), 16, nodes, tiles, heights, blocks, tile_count,
+    const std::uint32_t in_row = squares(camera.width, 8);
+    device.kernel("trace/trace_tile", "trace_camera_beams", options)
+        .run(std::size_t{in_row} * squares(camera.height, 8), 4, nodes, tiles, heights, blocks, tile_count,
              lattice, scene, camera, in_row, hits, steps_out);
   } else {
     device.kernel("trace/trace_tile", "trace_camera", options)

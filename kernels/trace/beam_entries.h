@@ -1,0 +1,61 @@
+// The kernel that casts a camera's rays, a square of 8 x 8 pixels a work-item. Beside what entries.h and
+// group_entries.h ask for, the file that includes this has defined
+//   uint2 traverse_beam(tree, beam, any, found),
+//   bool takes_beam(beam)                       false where its rays are to be cast one by one.
+#include "kernels/bvh/beam.h"
+#include "kernels/common/no_hit.h"
+#include "kernels/trace/hit_lanes.h"
+
+// The packet's hits; without `found` its rays have met nothing.
+static ALWAYS_INLINE void put_packet(const Tree* tree, const CameraRays* camera, uint left, uint top,
+                                     const float* origin, const float16* direction, const Found16* found,
+                                     __global Hit* hits) {
+  const bool any = found && lane_bits16(found->id != RBVH_NO_LEAF) != 0;
+  Hit made[16];
+  if (any) {
+    const float16 from[3] = {origin[0], origin[1], origin[2]};
+    HitLanes lanes;
+    make_hits16(tree, found, from, direction, &lanes);
+    store_hits(&lanes, made);
+  }
+  for (uint i = 0; i < 16; ++i) {
+    const uint x = left + i % PACKET_SIDE, y = top + i / PACKET_SIDE;
+    if (x < camera->width && y < camera->height)
+      hits[(size_t)y * camera->width + x] = any ? made[i] : no_hit();
+  }
+}
+
+// `squares` of them in a row. `steps`: of each ray what its square visited.
+__kernel void trace_camera_beams(TREE_ARGUMENTS, CameraRays camera, uint squares, __global Hit* hits,
+                                 __global uint* steps BOUNDS_ARGUMENT) {
+  const uint left = (uint)get_global_id(0) % squares * BEAM_SIDE,
+             top = (uint)get_global_id(0) / squares * BEAM_SIDE;
+  if (top >= camera.height) return;
+  const Tree tree = TREE;
+  Beam beam;
+  const bool can_hit = prepare_beam(&camera, left, top, &scene, &beam);
+  const bool together = !can_hit || (beam.side != 0.0f && takes_beam(&beam));
+  uint2 visited = (uint2)(0u);
+  BeamFound found;
+  if (can_hit && together) {
+    find_nothing(&found);
+    visited = traverse_beam(&tree, &beam, 0, &found);
+  }
+  if (together)
+    for (uint p = 0; p < BEAM_PACKETS; ++p)
+      put_packet(&tree, &camera, left + p % 2 * PACKET_SIDE, top + p / 2 * PACKET_SIDE, beam.origin,
+                 beam.packets[p].d, can_hit ? found.of + p : 0, hits);
+  if (together && !steps) return;
+  for (uint i = 0; i < BEAM_SIDE * BEAM_SIDE; ++i) {
+    const uint x = left + i % BEAM_SIDE, y = top + i / BEAM_SIDE;
+    if (x >= camera.width || y >= camera.height) continue;
+    const size_t at = (size_t)y * camera.width + x;
+    if (!together) {
+      const Ray ray = camera_ray(&camera, x, y);
+      Found alone;
+      visited = trace(&tree, &ray, 0, &alone);
+      hits[at] = make_hit(&tree, &alone, &ray);
+    }
+    if (steps) steps[at] = visited.x + visited.y;
+  }
+}
