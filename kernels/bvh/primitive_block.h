@@ -41,18 +41,17 @@ static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at)
 static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block, const Query* q,
                                           Found* found) {
   __global const PrimitiveBlock* b = blocks + block;
-  const float ox = q->origin[q->kx], oy = q->origin[q->ky], oz = q->origin[q->kz];
-#define CORNER(i)                                                                       \
-  {                                                                                     \
-    vload8(0, b->rows[q->kx + 3 * (i)]) - ox, vload8(0, b->rows[q->ky + 3 * (i)]) - oy, \
-        vload8(0, b->rows[q->kz + 3 * (i)]) - oz                                        \
+#define CORNER(i)                                                                             \
+  {                                                                                           \
+    vload8(0, b->rows[q->kx + 3 * (i)]) - q->ox, vload8(0, b->rows[q->ky + 3 * (i)]) - q->oy, \
+        vload8(0, b->rows[q->kz + 3 * (i)]) - q->oz                                           \
   }
   const float8 p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
 #undef CORNER
   float8 t, v, w, area;
-  const int8 inside = intersect_corners8(p0, p1, p2, q->sx, q->sy, q->sz, &t, &v, &w, &area);
-  if (lane_bits8(inside) == 0) return false;
-  const uint mask = lane_bits8(inside & (t >= q->tmin) & (t <= found->t));
+  const uint inside = intersect_corners8(p0, p1, p2, q->sx, q->sy, q->sz, &t, &v, &w, &area);
+  if (inside == 0) return false;
+  const uint mask = inside & lane_bits8((t >= q->tmin) & (t <= found->t));
   return mask != 0 && take_nearest(mask, t, v / area, w / area, blocks, block, found);
 }
 
@@ -92,9 +91,9 @@ static ALWAYS_INLINE bool intersect_block_beam(__global const PrimitiveBlock* bl
       const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
 #undef CORNER
       float16 t, v, w, area;
-      const int16 inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &v, &w, &area);
-      if (lane_bits16(inside) == 0) continue;
-      const int16 taken = inside & (t >= 0.0f) & is_nearer_packet(t, b->ids[lane], &nearest);
+      const uint inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &v, &w, &area);
+      if (inside == 0) continue;
+      const int16 taken = lanes_of_bits16(inside) & (t >= 0.0f) & is_nearer_packet(t, b->ids[lane], &nearest);
       if (lane_bits16(taken) == 0) continue;
       take_lanes(taken, t, v / area, w / area, b->ids[lane], at, &nearest);
       taken_any = true;

@@ -32,6 +32,7 @@ typedef struct Query {
   float origin[3], direction[3];
   float tmin;
   uint kx, ky, kz;   // kz: the axis along which the direction is longest
+  float ox, oy, oz;  // the origin along these
   float sx, sy, sz;  // shear
   float inverse[3];
   // t of a plane along an axis = plane * inverse + offset, moved before or behind it by the error bound.
@@ -73,6 +74,9 @@ static ALWAYS_INLINE bool prepare(const Ray* ray, const BvhRoot* scene, Query* q
   q->tmin = ray->tmin;
   q->kx = (q->kz + 1) % 3;
   q->ky = (q->kz + 2) % 3;
+  q->ox = q->origin[q->kx];
+  q->oy = q->origin[q->ky];
+  q->oz = q->origin[q->kz];
   q->sx = q->direction[q->kx] / q->direction[q->kz];
   q->sy = q->direction[q->ky] / q->direction[q->kz];
   q->sz = 1.0f / q->direction[q->kz];

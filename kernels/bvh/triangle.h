@@ -12,59 +12,63 @@
 #ifdef cl_khr_fp64
 // Products of floats are exact in double: now a zero is a zero. Only in lanes where there was one, or hits
 // would depend on who else is tested.
-#define RESOLVE_ZEROS(F, I, N, LANES)                                                                      \
-  const I unsure = (u == 0.0f) | (v == 0.0f) | (w == 0.0f);                                                \
-  if (lane_bits##LANES(unsure)) {                                                                          \
-    const double##N dax = convert_double##N(ax), day = convert_double##N(ay), dbx = convert_double##N(bx), \
-                    dby = convert_double##N(by), dcx = convert_double##N(cx), dcy = convert_double##N(cy); \
-    u = select(u, convert_float##N(dcx * dby - dcy * dbx), unsure);                                        \
-    v = select(v, convert_float##N(dax * dcy - day * dcx), unsure);                                        \
-    w = select(w, convert_float##N(dbx * day - dby * dax), unsure);                                        \
-  }
+#define RESOLVE_ZEROS(F, N, unsure)                                                                      \
+  const double##N dax = convert_double##N(ax), day = convert_double##N(ay), dbx = convert_double##N(bx), \
+                  dby = convert_double##N(by), dcx = convert_double##N(cx), dcy = convert_double##N(cy); \
+  u = select(u, convert_float##N(dcx * dby - dcy * dbx), unsure);                                        \
+  v = select(v, convert_float##N(dax * dcy - day * dcx), unsure);                                        \
+  w = select(w, convert_float##N(dbx * day - dby * dax), unsure);
 #else
-#define RESOLVE_ZEROS(F, I, N, LANES)
+#define RESOLVE_ZEROS(F, N, unsure)
 #endif
 
 // The areas of a triangle's parts, seen along the ray: twice those opposite a, b and c, signed, and the sum.
-#define DEFINE_TRIANGLE_AREAS(NAME, F, I, N, LANES)                                                  \
-  typedef struct NAME {                                                                              \
-    F u, v, w, sum;                                                                                  \
-  } NAME;                                                                                            \
-  /* Of sheared corners; returns the lanes in which the line passes through the triangle. */         \
-  static ALWAYS_INLINE I triangle_areas##LANES(F ax, F ay, F bx, F by, F cx, F cy, NAME* areas) {    \
-    F u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;                           \
-    RESOLVE_ZEROS(F, I, N, LANES)                                                                    \
-    const F sum = u + v + w;                                                                         \
-    *areas = (NAME){u, v, w, sum};                                                                   \
-    return (((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f))) & \
-           (sum != 0.0f);                                                                            \
+#define DEFINE_TRIANGLE_AREAS(NAME, F, I, N, LANES)                                                   \
+  typedef struct NAME {                                                                               \
+    F u, v, w, sum;                                                                                   \
+  } NAME;                                                                                             \
+  /* Of sheared corners; returns the lanes in which the line passes through the triangle, as bits. */ \
+  static ALWAYS_INLINE uint triangle_areas##LANES(F ax, F ay, F bx, F by, F cx, F cy, NAME* areas) {  \
+    F u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;                            \
+    const I su = as_##I(u), sv = as_##I(v), sw = as_##I(w);                                           \
+    uint inside = lane_bits##LANES((~(su | sv | sw) | (su & sv & sw)) >> 31); /* their signs agree */ \
+    const I unsure = (u == 0.0f) | (v == 0.0f) | (w == 0.0f);                                         \
+    const uint unsure_bits = lane_bits##LANES(unsure);                                                \
+    if (unsure_bits) {                                                                                \
+      RESOLVE_ZEROS(F, N, unsure)                                                                     \
+      const I resolved =                                                                              \
+          (((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f))) &   \
+          (u + v + w != 0.0f);                                                                        \
+      inside = (inside & ~unsure_bits) | (lane_bits##LANES(resolved) & unsure_bits);                  \
+    }                                                                                                 \
+    *areas = (NAME){u, v, w, u + v + w};                                                              \
+    return inside;                                                                                    \
   }
 
 DEFINE_TRIANGLE_AREAS(Areas1, float, int, , 1)
 DEFINE_TRIANGLE_AREAS(Areas8, float8, int8, 8, 8)
 DEFINE_TRIANGLE_AREAS(Areas16, float16, int16, 16, 16)
 
-// Defines  I NAME(a, b, c, sx, sy, sz, t, v, w, area): the lanes in which the line hits the triangle, at t,
-// with v / area and w / area as the weights of b and c. a, b, c: the corners seen from the origin, along kx,
-// ky, kz. P: a corner's type, D: a ray's, F: the wider of the two; I, LANES: F's comparison and lanes.
-#define DEFINE_INTERSECT_TRIANGLE(NAME, P, D, F, I, LANES)                                                \
-  static ALWAYS_INLINE I NAME(const P* a, const P* b, const P* c, D sx, D sy, D sz, F* t, F* v, F* w,     \
-                              F* area) {                                                                  \
-    Areas##LANES areas;                                                                                   \
-    const I inside = triangle_areas##LANES(a[0] - sx * a[2], a[1] - sy * a[2], b[0] - sx * b[2],          \
-                                           b[1] - sy * b[2], c[0] - sx * c[2], c[1] - sy * c[2], &areas); \
-    if (lane_bits##LANES(inside) == 0) return inside;                                                     \
-    *t = (areas.u * (sz * a[2]) + areas.v * (sz * b[2]) + areas.w * (sz * c[2])) / areas.sum;             \
-    *v = areas.v;                                                                                         \
-    *w = areas.w;                                                                                         \
-    *area = areas.sum;                                                                                    \
-    return inside;                                                                                        \
+// Defines  uint NAME(a, b, c, sx, sy, sz, t, v, w, area): the lanes in which the line hits the triangle, as
+// bits, at t, with v / area and w / area as the weights of b and c. a, b, c: the corners seen from the
+// origin, along kx, ky, kz. P: a corner's type, D: a ray's, F: the wider of the two.
+#define DEFINE_INTERSECT_TRIANGLE(NAME, P, D, F, LANES)                                                      \
+  static ALWAYS_INLINE uint NAME(const P* a, const P* b, const P* c, D sx, D sy, D sz, F* t, F* v, F* w,     \
+                                 F* area) {                                                                  \
+    Areas##LANES areas;                                                                                      \
+    const uint inside = triangle_areas##LANES(a[0] - sx * a[2], a[1] - sy * a[2], b[0] - sx * b[2],          \
+                                              b[1] - sy * b[2], c[0] - sx * c[2], c[1] - sy * c[2], &areas); \
+    if (inside == 0) return 0;                                                                               \
+    *t = (areas.u * (sz * a[2]) + areas.v * (sz * b[2]) + areas.w * (sz * c[2])) / areas.sum;                \
+    *v = areas.v;                                                                                            \
+    *w = areas.w;                                                                                            \
+    *area = areas.sum;                                                                                       \
+    return inside;                                                                                           \
   }
 
-DEFINE_INTERSECT_TRIANGLE(intersect_corners, float, float, float, int, 1)      // 1 ray, 1 triangle
-DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, int8, 8)  // 1 ray, 8 triangles
-DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, int16,
-                          16)  // 16 rays, 1 triangle
+DEFINE_INTERSECT_TRIANGLE(intersect_corners, float, float, float, 1)              // 1 ray, 1 triangle
+DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, 8)           // 1 ray, 8 triangles
+DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, 16)  // 16 rays, 1 triangle
 
 // normalize() of 16 vectors. Scaled first, as it does: the squares of a sliver's normal would vanish.
 static ALWAYS_INLINE void normalize16(float16* n) {

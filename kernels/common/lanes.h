@@ -62,6 +62,13 @@ static inline int16 gather16(__global const ushort* from, int16 at) {
 }
 #endif
 
+// The lanes that are bits of a number.
+static ALWAYS_INLINE int16 lanes_of_bits16(uint bits) {
+  const int16 bit = (int16)(0x1, 0x2, 0x4, 0x8, 0x10, 0x20, 0x40, 0x80, 0x100, 0x200, 0x400, 0x800, 0x1000,
+                            0x2000, 0x4000, 0x8000);
+  return (bit & (int)bits) != 0;
+}
+
 // Asks for memory that will be read soon.
 #if defined(__clang__) && defined(__AVX512VL__)
 #define ASK(from, bytes) \
@@ -84,7 +91,7 @@ static inline float least(float16 v) {
   return min(v2.x, v2.y);
 }
 
-#ifdef __clang__
+#ifdef __BMI__
 static inline uint lowest_bit(uint mask) { return (uint)__builtin_ctz(mask); }
 #else
 static inline uint lowest_bit(uint mask) { return 31u - clz(mask & (0u - mask)); }

@@ -40,13 +40,13 @@ static inline uint lanes_in_use(__global const LeafBlock* b) { return (1u << b->
 // The vertices' coordinates along an axis, from the origin of the rays. The same for a vertex in all blocks,
 // to the last bit: no ray slips between these.
 static ALWAYS_INLINE float16 vertex_row(const Tree* tree, __global const LeafBlock* b, uint axis,
-                                        const float* origin) {
+                                        float origin) {
 #ifdef LATTICE
   const int16 k = convert_int16(vload16(0, b->vertices[axis])) + b->base[axis];
   return fma(convert_float16(k), (float16)(tree->lattice->step),
-             (float16)(tree->lattice->origin[axis] - origin[axis]));
+             (float16)(tree->lattice->origin[axis] - origin));
 #else
-  return vload16(0, b->vertices[axis]) - origin[axis];
+  return vload16(0, b->vertices[axis]) - origin;
 #endif
 }
 
@@ -73,19 +73,20 @@ static inline float3 unit_normal(const Tree* tree, uint at) {
 // Each vertex is sheared once for all triangles.
 static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {
   __global const LeafBlock* b = tree->blocks + block;
-  const float16 z = vertex_row(tree, b, q->kz, q->origin);
-  const float16 x = vertex_row(tree, b, q->kx, q->origin) - q->sx * z;
-  const float16 y = vertex_row(tree, b, q->ky, q->origin) - q->sy * z;
+  const float16 z = vertex_row(tree, b, q->kz, q->oz);
+  const float16 x = vertex_row(tree, b, q->kx, q->ox) - q->sx * z;
+  const float16 y = vertex_row(tree, b, q->ky, q->oy) - q->sy * z;
   const int16 c0 = load_bytes(b->corners[0]), c1 = load_bytes(b->corners[1]), c2 = load_bytes(b->corners[2]);
   Areas16 areas;
-  const int16 inside = triangle_areas16(permute16(x, c0), permute16(y, c0), permute16(x, c1),
-                                        permute16(y, c1), permute16(x, c2), permute16(y, c2), &areas);
-  if (lane_bits16(inside) == 0) return false;
+  const uint inside = triangle_areas16(permute16(x, c0), permute16(y, c0), permute16(x, c1), permute16(y, c1),
+                                       permute16(x, c2), permute16(y, c2), &areas);
+  const uint crossed = inside & lanes_in_use(b);
+  if (crossed == 0) return false;
   const float16 depth = q->sz * z;
   const float16 t =
       (areas.u * permute16(depth, c0) + areas.v * permute16(depth, c1) + areas.w * permute16(depth, c2)) /
       areas.sum;
-  const uint mask = lane_bits16(inside & (t >= q->tmin) & (t <= found->t)) & lanes_in_use(b);
+  const uint mask = crossed & lane_bits16((t >= q->tmin) & (t <= found->t));
   const uint at = block * LEAF_BLOCK_WIDTH;
   return mask != 0 && take_nearest(mask, t, areas.v, areas.w, areas.sum, tree->tile_count + at, at, found);
 }
@@ -95,8 +96,9 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Qu
 static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
                                                BeamFound* found) {
   __global const LeafBlock* l = tree->blocks + block;
-  const float16 x = vertex_row(tree, l, b->kx, b->origin), y = vertex_row(tree, l, b->ky, b->origin),
-                z = vertex_row(tree, l, b->kz, b->origin);
+  const float16 x = vertex_row(tree, l, b->kx, b->origin[b->kx]),
+                y = vertex_row(tree, l, b->ky, b->origin[b->ky]),
+                z = vertex_row(tree, l, b->kz, b->origin[b->kz]);
   float seen[3][16];
   vstore16(x, 0, seen[0]);
   vstore16(y, 0, seen[1]);
@@ -121,9 +123,10 @@ static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, con
       const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
 #undef CORNER
       float16 t, s, w, area;
-      const int16 inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &s, &w, &area);
-      if (lane_bits16(inside) == 0) continue;
-      const int16 taken = inside & (t >= 0.0f) & is_nearer_packet(t, tree->tile_count + at, &nearest);
+      const uint inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &s, &w, &area);
+      if (inside == 0) continue;
+      const int16 taken =
+          lanes_of_bits16(inside) & (t >= 0.0f) & is_nearer_packet(t, tree->tile_count + at, &nearest);
       if (lane_bits16(taken) == 0) continue;
       take_lanes(taken, t, s / area, w / area, tree->tile_count + at, at, &nearest);
       taken_any = true;

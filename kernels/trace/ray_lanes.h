@@ -126,6 +126,9 @@ static inline void query_of(const QueryLanes* lanes, uint i, Query* q) {
   q->kz = lanes->kz[i];
   q->kx = q->kz == 2 ? 0 : q->kz + 1;
   q->ky = q->kz == 0 ? 2 : q->kz - 1;
+  q->ox = lanes->origin[q->kx][i];
+  q->oy = lanes->origin[q->ky][i];
+  q->oz = lanes->origin[q->kz][i];
   q->sx = lanes->sx[i];
   q->sy = lanes->sy[i];
   q->sz = lanes->sz[i];

@@ -16,8 +16,7 @@ static ALWAYS_INLINE bool intersect_element(const Tree* tree, uint id, const Que
   const uint block = id - tree->tile_count;
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return false;
   ++visited->y;
-  const Query own = *q;  // its fields are read by number here: the traversal's stay in registers
-  return intersect_block(tree, block, &own, found);
+  return intersect_block(tree, block, q, found);
 }
 
 static ALWAYS_INLINE bool intersect_element_beam(const Tree* tree, uint id, const Beam* b, uint any,
