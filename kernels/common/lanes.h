@@ -77,6 +77,24 @@ static ALWAYS_INLINE int16 lanes_of_bits16(uint bits) {
 #define ASK(from, bytes) (void)0
 #endif
 
+// Pairs of two rows' elements, and of their pairs: within 128 bits, as wide vector units shuffle fastest.
+#define UNPACK_LO(a, b) \
+  (float16)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5, a.s8, b.s8, a.s9, b.s9, a.sc, b.sc, a.sd, b.sd)
+#define UNPACK_HI(a, b) \
+  (float16)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7, a.sa, b.sa, a.sb, b.sb, a.se, b.se, a.sf, b.sf)
+#define PAIRS_LO(a, b) (float16)(a.s01, b.s01, a.s45, b.s45, a.s89, b.s89, a.scd, b.scd)
+#define PAIRS_HI(a, b) (float16)(a.s23, b.s23, a.s67, b.s67, a.sab, b.sab, a.sef, b.sef)
+
+// Four rows of sixteen lanes: the quad of lane 4 i + k is quads[k]'s i-th, and the other way round.
+static ALWAYS_INLINE void transpose4(const float16* rows, float16* quads) {
+  const float16 lo01 = UNPACK_LO(rows[0], rows[1]), hi01 = UNPACK_HI(rows[0], rows[1]);
+  const float16 lo23 = UNPACK_LO(rows[2], rows[3]), hi23 = UNPACK_HI(rows[2], rows[3]);
+  quads[0] = PAIRS_LO(lo01, lo23);
+  quads[1] = PAIRS_HI(lo01, lo23);
+  quads[2] = PAIRS_LO(hi01, hi23);
+  quads[3] = PAIRS_HI(hi01, hi23);
+}
+
 static inline float greatest(float16 v) {
   const float8 v8 = max(v.lo, v.hi);
   const float4 v4 = max(v8.lo, v8.hi);

@@ -26,7 +26,7 @@ __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint co
       Query q;
       query_of(&queries, i, &q);
       nearest.t = min(own[i].tmax, FLT_MAX);
-      visited = traverse(&tree, &q, any, &nearest);
+      visited = any ? occluded(&tree, &q, &nearest) : traverse(&tree, &q, 0, &nearest);
     }
     t[i] = nearest.t;
     u[i] = nearest.u;

@@ -11,23 +11,20 @@ typedef struct RayLanes {
   uint used;  // as bits
 } RayLanes;
 
+// `count` rays; lanes beyond repeat the first.
 static inline void load_lanes(const Ray* rays, uint count, RayLanes* lanes) {
-  float words[8][PACKET];
-  for (uint i = 0; i < PACKET; ++i) {
-    const Ray ray = rays[i < count ? i : 0];
-    for (uint axis = 0; axis < 3; ++axis) {
-      words[axis][i] = ray.origin[axis];
-      words[axis + 4][i] = ray.direction[axis];
+  for (uint part = 0; part < 2; ++part) {
+    float16 quads[4], rows[4];
+    for (uint k = 0; k < 4; ++k) {
+#define QUAD(i) vload4(0, (const float*)(rays + ((i) < count ? (i) : 0)) + 4 * part)
+      quads[k] = (float16)(QUAD(k), QUAD(k + 4), QUAD(k + 8), QUAD(k + 12));
+#undef QUAD
     }
-    words[3][i] = ray.tmin;
-    words[7][i] = ray.tmax;
+    transpose4(quads, rows);
+    float16* to = part == 0 ? lanes->origin : lanes->direction;
+    for (uint axis = 0; axis < 3; ++axis) to[axis] = rows[axis];
+    *(part == 0 ? &lanes->tmin : &lanes->tmax) = rows[3];
   }
-  for (uint axis = 0; axis < 3; ++axis) {
-    lanes->origin[axis] = vload16(0, words[axis]);
-    lanes->direction[axis] = vload16(0, words[axis + 4]);
-  }
-  lanes->tmin = vload16(0, words[3]);
-  lanes->tmax = vload16(0, words[7]);
   lanes->used = (1u << count) - 1;
 }
 

@@ -32,6 +32,7 @@ static ALWAYS_INLINE bool intersect_element_beam(const Tree* tree, uint id, cons
 }
 
 DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_element, limit_of)
+DEFINE_OCCLUDED(occluded, Tree, intersect_element)
 DEFINE_TRAVERSE(traverse_beam, Tree, Beam, BeamFound, open_beam, intersect_element_beam, limit_of_beam)
 
 // A tile is an approximation: rays need not find to the last bit what they find alone.

@@ -24,6 +24,7 @@ static ALWAYS_INLINE bool intersect_leaf(const Tree* tree, uint block, const Que
 }
 
 DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_leaf, limit_of)
+DEFINE_OCCLUDED(occluded, Tree, intersect_leaf)
 
 #include "kernels/trace/exact_entries.h"
 

@@ -93,6 +93,10 @@ WideBvh widen(const Bvh& bvh, std::vector<std::uint32_t>& leaves) {
     parallel_for(items.size(), kGrain / WIDE_NODE_WIDTH, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         cuts[i] = wide_children(bvh, plan, items[i].binary);
+        // The largest first: rays that look for any hit visit them in this order.
+        std::stable_sort(cuts[i].nodes, cuts[i].nodes + cuts[i].count, [&](std::uint32_t a, std::uint32_t b) {
+          return bvh.nodes[a].bounds.surface_area() > bvh.nodes[b].bounds.surface_area();
+        });
         put_boxes(bvh, cuts[i], wide.nodes[first + i]);
       }
     });
