@@ -89,7 +89,7 @@ TEST(TraceTile, FollowsABumpySphereFromOutsideAndInside) {
       EXPECT_LT(error, 1.5e-2) << "ray " << i;
       errors.push_back(error);
       EXPECT_EQ((hits[i].flags & RBVH_HIT_BACK_FACE) != 0, from_inside) << "ray " << i;
-      EXPECT_EQ(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
+      EXPECT_EQ(hits[i].flags & RBVH_HIT_ON_PRIMITIVE, 0u);
       EXPECT_LT(hits[i].leaf, level.leaves.size());
       EXPECT_NEAR(hits[i].normal[0] * hits[i].normal[0] + hits[i].normal[1] * hits[i].normal[1] +
                       hits[i].normal[2] * hits[i].normal[2],
@@ -146,7 +146,7 @@ TEST(TraceTile, HybridChoosesWhichLeavesFallBack) {
     const Exact exact = brute_force(scan, rays[i]);
     if (!std::isfinite(exact.t) || exact.slope < 0.02) continue;
     EXPECT_NEAR(hits[i].t, exact.t, 1e-5 * exact.t) << i;
-    EXPECT_NE(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u) << i;
+    EXPECT_NE(hits[i].flags & RBVH_HIT_ON_PRIMITIVE, 0u) << i;
   }
 }
 
@@ -167,7 +167,7 @@ TEST(TraceTile, LeavesThatFellBackAreHitExactly) {
       EXPECT_EQ(std::isfinite(hits[i].t), std::isfinite(any[i].t)) << i;
       const Exact exact = brute_force(scan, rays[i]);
       lost += std::isfinite(exact.t) && exact.inside > well_inside && !std::isfinite(hits[i].t);
-      if ((hits[i].flags & RBVH_HIT_TRIANGLE_LEAF) == 0) continue;
+      if ((hits[i].flags & RBVH_HIT_ON_PRIMITIVE) == 0) continue;
       ++exact_hits;
       // A tile in front, or a ray along an edge, may differ; what is hit here is one of the scan's
       // primitives.
