@@ -1,5 +1,5 @@
 // Levels that hold primitives against brute force over these: blocks of triangles on a lattice or anywhere,
-// and of discs; single rays, packets and any hit.
+// and of discs; single rays, beams and any hit.
 #include <gtest/gtest.h>
 
 #include <cmath>

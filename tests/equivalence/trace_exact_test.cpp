@@ -449,10 +449,10 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
     std::uint64_t total = 0;
     for (const std::uint32_t count : steps.read()) total += count;
     EXPECT_GT(total, rays.size());
-    if (method.tracer.packet_pixels >
-        0) {  // the same hits as one by one, from afar and from amid the triangles
+    if (method.tracer.beam_pixels > 0) {
+      // The same hits as one by one, from afar and from amid the triangles.
       ExactTracer alone = method.tracer;
-      alone.packet_pixels = 0;
+      alone.beam_pixels = 0;
       CameraRays inside = words;
       for (float& position : inside.position) position *= 0.01f;
       Buffer<Hit> others(device, rays.size());

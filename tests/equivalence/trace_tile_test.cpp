@@ -101,11 +101,11 @@ TEST(TraceTile, FollowsABumpySphereFromOutsideAndInside) {
   }
 }
 
-TEST(TraceTile, PacketsAndSingleRaysAgree) {
+TEST(TraceTile, BeamsAndSingleRaysAgree) {
   const Level level = build(bumpy_sphere(100), {{"Q", 1e6f, 0.85f, 45}}).levels[0];
   const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
   const CameraRays camera =
-      camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 203, 101);  // no multiple of 4
+      camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 203, 101);  // no multiple of 8
   std::vector<Ray> rays;
   for (std::uint32_t y = 0; y < camera.height; ++y)
     for (std::uint32_t x = 0; x < camera.width; ++x)
@@ -115,12 +115,12 @@ TEST(TraceTile, PacketsAndSingleRaysAgree) {
   const Device device = Device::open();
   const Buffer<Hit> hits(device, rays.size());
   make_tile_tracer(device, level).intersect(camera, hits);
-  const std::vector<Hit> packets = hits.read();
+  const std::vector<Hit> beams = hits.read();
   std::size_t hit_count = 0, differ = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     hit_count += std::isfinite(single[i].t);
-    if (std::isfinite(single[i].t) != std::isfinite(packets[i].t) ||
-        (std::isfinite(single[i].t) && std::abs(single[i].t - packets[i].t) > 1e-4f * single[i].t))
+    if (std::isfinite(single[i].t) != std::isfinite(beams[i].t) ||
+        (std::isfinite(single[i].t) && std::abs(single[i].t - beams[i].t) > 1e-4f * single[i].t))
       ++differ;
   }
   EXPECT_GT(hit_count, rays.size() / 10);
@@ -377,7 +377,7 @@ Device checking_device() {
   return device;
 }
 
-/// What is thrown when rays, packets and pixels are traced, by each of them or by none; empty: nothing.
+/// What is thrown when rays, beams and pixels are traced, by each of them or by none; empty: nothing.
 std::string traced_out_of_bounds(const Device& device, const TileTracer& tracer, const Level& level) {
   const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
   const CameraRays camera = camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 32, 32);
