@@ -96,7 +96,7 @@ void add_trace(CLI::App& app, Context& context) {
       ->add_option(
           "--rays", options->rays,
           "N x 6 or N x 8 float32: origin, direction, [tmin, tmax] (-: standard input). Out come N x 8: t, "
-          "normal, u, v, leaf (-1: none), flags (1: back face, 2: triangle leaf)")
+          "normal, u, v, leaf (-1: none), flags (1: back face, 2: triangle or disc)")
       ->required()
       ->type_name("FILE");
   stage->add_flag("--any", options->any, "any hit instead of the nearest: faster, for visibility");

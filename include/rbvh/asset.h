@@ -47,9 +47,9 @@ struct LoadConfig {
   std::optional<std::uint32_t> tessellate;
 };
 
-/// Reads a pair, a scan of any format ("-": from standard input), a proxy, or a scene with all its objects,
-/// told by content. The file may be hostile. A cloud gets the normals and radii that it lacks. Throws
-/// Error(kInput), and Error(kBudget) before more memory is taken than allowed.
+/// Reads a pair, a scan of any format ("-": from standard input), a proxy (an .obj beside its other files),
+/// or a scene (.json) with all its objects. The file may be hostile. A cloud gets the normals and radii that
+/// it lacks. Throws Error(kInput), and Error(kBudget) before more memory is taken than allowed.
 Asset load_asset(const std::string& path, const LoadConfig& config = {}, const Progress& progress = {});
 
 }  // namespace rbvh

@@ -29,10 +29,10 @@ typedef struct Ray {
 } Ray;
 RBVH_LAYOUT_SIZE(Ray, 32);
 
-#define RBVH_HIT_BACK_FACE 1u      // the ray came from behind the surface
-#define RBVH_HIT_TRIANGLE_LEAF 2u  // a triangle or disc was hit, not a tile
-#define RBVH_HIT_FLAGS 3u          // all of these
-#define RBVH_HIT_PRIMITIVE 8       // flags >> this: which of the primitives of a pair's leaf was hit
+#define RBVH_HIT_BACK_FACE 1u       // the ray came from behind the surface
+#define RBVH_HIT_ON_PRIMITIVE 2u    // a triangle or disc was hit, not a tile or a patch
+#define RBVH_HIT_FLAGS 3u           // all of these
+#define RBVH_HIT_PRIMITIVE_SHIFT 8  // flags >> this: which of the primitives of a pair's leaf was hit
 #define RBVH_NO_LEAF 0xffffffffu
 
 // What a ray found. u, v: in [0,1] across the tile, barycentric in the triangle, or disc coordinates in

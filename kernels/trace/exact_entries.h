@@ -14,7 +14,7 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
     hit.v = found->v;
     hit.leaf = found->id;
     const float along = n.x * ray->direction[0] + n.y * ray->direction[1] + n.z * ray->direction[2];
-    hit.flags = RBVH_HIT_TRIANGLE_LEAF | (along > 0.0f ? RBVH_HIT_BACK_FACE : 0u);
+    hit.flags = RBVH_HIT_ON_PRIMITIVE | (along > 0.0f ? RBVH_HIT_BACK_FACE : 0u);
   }
   return hit;
 }

@@ -38,7 +38,7 @@ DEFINE_HEIGHT_SLOPE(height_slope16, float16, int16, convert_float16, convert_int
 
 // Which of its leaf's the primitive is, for a hit's flags.
 static inline uint primitive_flags(__global const LeafBlock* block, uint lane) {
-  return RBVH_HIT_TRIANGLE_LEAF | ((uint)block->places[lane] << RBVH_HIT_PRIMITIVE);
+  return RBVH_HIT_ON_PRIMITIVE | ((uint)block->places[lane] << RBVH_HIT_PRIMITIVE_SHIFT);
 }
 
 static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {

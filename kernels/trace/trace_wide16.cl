@@ -69,7 +69,7 @@ static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, co
   h->v = select(h->v, found->v, hit);
   h->leaf = found->id;
   const float16 along = h->normal[0] * d[0] + h->normal[1] * d[1] + h->normal[2] * d[2];
-  h->flags = select((uint16)(0u), (uint16)(RBVH_HIT_TRIANGLE_LEAF), hit) |
+  h->flags = select((uint16)(0u), (uint16)(RBVH_HIT_ON_PRIMITIVE), hit) |
              select((uint16)(0u), (uint16)(RBVH_HIT_BACK_FACE), along > 0.0f);
 }
 

@@ -1,4 +1,5 @@
-// From a scan to a rasterized BVH: partition, rasterise, refine, pack; one full rebuild per level.
+// From a scan to a rasterized BVH. A level of tiles: partition (once for all of these), rasterise, refine,
+// pack. A level of primitives: simplify, group, pack.
 #pragma once
 
 #include <cstdint>

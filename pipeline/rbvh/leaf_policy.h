@@ -117,7 +117,7 @@ TileFlaws find_flaws(const TileFaults& counts, const FaultLimits& limits);
 struct TileFacts {
   std::uint32_t primitives = 0;
   std::uint32_t texels = 0;         ///< of its rectangle
-  float surface_texels = 0;         ///< rho times the area of its primitives
+  float surface_texels = 0;         ///< texels_per_area times the area of its primitives
   bool is_faulty = false;           ///< it has flaws, or its boundary is separated
   bool is_uncovered_group = false;  ///< all its primitives were uncovered in another tile
 };

@@ -155,8 +155,8 @@ Vec3f point_of(const Scan& primitives, const PrimitivePoint& at) {
 }
 
 std::optional<PrimitivePoint> primitive_at(const Level& level, std::uint32_t first, const Hit& hit) {
-  if ((hit.flags & RBVH_HIT_TRIANGLE_LEAF) == 0 || first == RBVH_NO_LEAF) return {};
-  PrimitivePoint at{.primitive = first + (hit.flags >> RBVH_HIT_PRIMITIVE)};
+  if ((hit.flags & RBVH_HIT_ON_PRIMITIVE) == 0 || first == RBVH_NO_LEAF) return {};
+  PrimitivePoint at{.primitive = first + (hit.flags >> RBVH_HIT_PRIMITIVE_SHIFT)};
   if (!holds_discs(level)) at.weights = {1 - hit.u - hit.v, hit.u, hit.v};
   return at;
 }

@@ -14,7 +14,7 @@
 namespace rbvh {
 
 struct RasterConfig {
-  float rho = 0;                    ///< texels per unit of area, scan units: the paper's rho / total area
+  float rho = 0;                    ///< a density: texels_per_area(), per scan unit squared
   float quantum = 0;                ///< of heights, scan units; 0: a small part of a texel
   bool separates_boundary = false;  ///< primitives at boundary edges are not in tiles
   FaultLimits limits = {};

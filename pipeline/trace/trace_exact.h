@@ -28,8 +28,9 @@ struct ExactTracer final : Tracer {
   BvhRoot scene{};
   Buffer<std::uint32_t> nodes, primitives;  ///< the kernel's own structs
   Buffer<std::uint32_t> references;         ///< kd-trees only
-  /// Cameras of at least so many pixels have their rays cast 16 at a time; 0: none.
-  std::size_t packet_pixels = 0;
+  /// Cameras of at least so many pixels have their rays cast in beams; 0: none. Where it is not 0, other rays
+  /// are cast in groups of 16.
+  std::size_t beam_pixels = 0;
   std::size_t node_bytes() const { return nodes.size() * sizeof(std::uint32_t); }
   std::size_t primitive_bytes() const {
     return (primitives.size() + references.size()) * sizeof(std::uint32_t);
@@ -46,7 +47,7 @@ struct ExactTracer final : Tracer {
   /// blocks of them).
   void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
-  /// In packets `steps` are what the ray's packet visited.
+  /// In beams `steps` are what the ray's beam visited.
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   SurfaceSamples surface(std::span<const Hit> hits) const override;

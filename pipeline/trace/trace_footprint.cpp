@@ -12,8 +12,8 @@ namespace rbvh {
 namespace {
 
 constexpr std::size_t kGrain = 1 << 14;
-/// A packet of rays takes about this part of the time of the rays one by one.
-constexpr std::size_t kPacketGain = 5;
+/// A camera's rays take about this part of the time of as many other rays.
+constexpr std::size_t kCameraGain = 5;
 constexpr std::size_t kNowhere = std::numeric_limits<std::size_t>::max();
 
 /// Where the ray enters the box, or infinity.
@@ -40,7 +40,7 @@ Cast cast(const TileTracer& tracer, std::span<const Ray> rays, RayQuery query, b
   return result;
 }
 
-/// All of a camera's rays at one level: in packets where the device does that.
+/// All of a camera's rays at one level: in beams where the device does that.
 Cast cast(const TileTracer& tracer, const CameraRays& camera, bool count_steps) {
   Cast result;
   result.hits = intersect(tracer, camera, count_steps ? &result.steps : nullptr);
@@ -73,7 +73,7 @@ Cast cast_by_footprint(const FootprintTracer& tracer, std::span<const Ray> rays,
     std::vector<std::size_t> which;
     for (std::size_t i = 0; i < rays.size(); ++i)
       if (wanted[i] == level) which.push_back(i);
-    const bool as_camera = camera != nullptr && which.size() > rays.size() / kPacketGain;
+    const bool as_camera = camera != nullptr && which.size() > rays.size() / kCameraGain;
     Cast again;
     if (as_camera) {
       again = cast(tracer.levels[level], *camera, count_steps);

@@ -87,7 +87,7 @@ void fill(RTCRayHit& r, const Ray& ray) {
 
 Hit hit_of(bool hit, float t, float nx, float ny, float nz, float u, float v, unsigned primitive) {
   if (!hit) return {kInfinity, {0, 0, 0}, 0, 0, RBVH_NO_LEAF, 0};
-  return {t, {nx, ny, nz}, u, v, primitive, RBVH_HIT_TRIANGLE_LEAF};
+  return {t, {nx, ny, nz}, u, v, primitive, RBVH_HIT_ON_PRIMITIVE};
 }
 
 /// Embree marks an occluded ray by tfar = -inf.

@@ -1,5 +1,5 @@
 // Levels that hold primitives against brute force over these: blocks of triangles on a lattice or anywhere,
-// and of discs; single rays, packets and any hit.
+// and of discs; single rays, beams and any hit.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -64,8 +64,9 @@ void expect_hit(const Level& level, const Ray& ray, const Hit& hit) {
     return;
   }
   // It is the primitive that the hit names, and none is nearer.
-  const std::uint32_t first = first_primitives(level)[hit.leaf], place = hit.flags >> RBVH_HIT_PRIMITIVE;
-  ASSERT_NE(hit.flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
+  const std::uint32_t first = first_primitives(level)[hit.leaf],
+                      place = hit.flags >> RBVH_HIT_PRIMITIVE_SHIFT;
+  ASSERT_NE(hit.flags & RBVH_HIT_ON_PRIMITIVE, 0u);
   ASSERT_LT(place, level.leaves[hit.leaf].primitives);
   const oracle::Meeting named = meeting_of(level.primitives, first + place, ray);
   ASSERT_TRUE(named.crosses);

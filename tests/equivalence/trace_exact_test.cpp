@@ -132,7 +132,7 @@ std::size_t compare(const Scan& scan, const std::vector<Ray>& rays, const std::v
       const double slope =
           (m.normal[0] * ray.direction[0] + m.normal[1] * ray.direction[1] + m.normal[2] * ray.direction[2]);
       EXPECT_EQ((hit.flags & RBVH_HIT_BACK_FACE) != 0, slope > 0) << where();
-      EXPECT_NE(hit.flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
+      EXPECT_NE(hit.flags & RBVH_HIT_ON_PRIMITIVE, 0u);
       if (scan.is_cloud()) {
         EXPECT_NEAR(std::hypot(hit.u, hit.v), 1 - m.inside, claimed->inside_error + 1e-5) << where();
       } else {
@@ -449,10 +449,10 @@ TEST_F(TraceExact, CameraRaysAreThePixelsRays) {
     std::uint64_t total = 0;
     for (const std::uint32_t count : steps.read()) total += count;
     EXPECT_GT(total, rays.size());
-    if (method.tracer.packet_pixels >
-        0) {  // the same hits as one by one, from afar and from amid the triangles
+    if (method.tracer.beam_pixels > 0) {
+      // The same hits as one by one, from afar and from amid the triangles.
       ExactTracer alone = method.tracer;
-      alone.packet_pixels = 0;
+      alone.beam_pixels = 0;
       CameraRays inside = words;
       for (float& position : inside.position) position *= 0.01f;
       Buffer<Hit> others(device, rays.size());

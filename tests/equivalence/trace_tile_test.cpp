@@ -89,7 +89,7 @@ TEST(TraceTile, FollowsABumpySphereFromOutsideAndInside) {
       EXPECT_LT(error, 1.5e-2) << "ray " << i;
       errors.push_back(error);
       EXPECT_EQ((hits[i].flags & RBVH_HIT_BACK_FACE) != 0, from_inside) << "ray " << i;
-      EXPECT_EQ(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u);
+      EXPECT_EQ(hits[i].flags & RBVH_HIT_ON_PRIMITIVE, 0u);
       EXPECT_LT(hits[i].leaf, level.leaves.size());
       EXPECT_NEAR(hits[i].normal[0] * hits[i].normal[0] + hits[i].normal[1] * hits[i].normal[1] +
                       hits[i].normal[2] * hits[i].normal[2],
@@ -101,11 +101,11 @@ TEST(TraceTile, FollowsABumpySphereFromOutsideAndInside) {
   }
 }
 
-TEST(TraceTile, PacketsAndSingleRaysAgree) {
+TEST(TraceTile, BeamsAndSingleRaysAgree) {
   const Level level = build(bumpy_sphere(100), {{"Q", 1e6f, 0.85f, 45}}).levels[0];
   const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
   const CameraRays camera =
-      camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 203, 101);  // no multiple of 4
+      camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 203, 101);  // no multiple of 8
   std::vector<Ray> rays;
   for (std::uint32_t y = 0; y < camera.height; ++y)
     for (std::uint32_t x = 0; x < camera.width; ++x)
@@ -115,12 +115,12 @@ TEST(TraceTile, PacketsAndSingleRaysAgree) {
   const Device device = Device::open();
   const Buffer<Hit> hits(device, rays.size());
   make_tile_tracer(device, level).intersect(camera, hits);
-  const std::vector<Hit> packets = hits.read();
+  const std::vector<Hit> beams = hits.read();
   std::size_t hit_count = 0, differ = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     hit_count += std::isfinite(single[i].t);
-    if (std::isfinite(single[i].t) != std::isfinite(packets[i].t) ||
-        (std::isfinite(single[i].t) && std::abs(single[i].t - packets[i].t) > 1e-4f * single[i].t))
+    if (std::isfinite(single[i].t) != std::isfinite(beams[i].t) ||
+        (std::isfinite(single[i].t) && std::abs(single[i].t - beams[i].t) > 1e-4f * single[i].t))
       ++differ;
   }
   EXPECT_GT(hit_count, rays.size() / 10);
@@ -146,7 +146,7 @@ TEST(TraceTile, HybridChoosesWhichLeavesFallBack) {
     const Exact exact = brute_force(scan, rays[i]);
     if (!std::isfinite(exact.t) || exact.slope < 0.02) continue;
     EXPECT_NEAR(hits[i].t, exact.t, 1e-5 * exact.t) << i;
-    EXPECT_NE(hits[i].flags & RBVH_HIT_TRIANGLE_LEAF, 0u) << i;
+    EXPECT_NE(hits[i].flags & RBVH_HIT_ON_PRIMITIVE, 0u) << i;
   }
 }
 
@@ -167,7 +167,7 @@ TEST(TraceTile, LeavesThatFellBackAreHitExactly) {
       EXPECT_EQ(std::isfinite(hits[i].t), std::isfinite(any[i].t)) << i;
       const Exact exact = brute_force(scan, rays[i]);
       lost += std::isfinite(exact.t) && exact.inside > well_inside && !std::isfinite(hits[i].t);
-      if ((hits[i].flags & RBVH_HIT_TRIANGLE_LEAF) == 0) continue;
+      if ((hits[i].flags & RBVH_HIT_ON_PRIMITIVE) == 0) continue;
       ++exact_hits;
       // A tile in front, or a ray along an edge, may differ; what is hit here is one of the scan's
       // primitives.
@@ -377,7 +377,7 @@ Device checking_device() {
   return device;
 }
 
-/// What is thrown when rays, packets and pixels are traced, by each of them or by none; empty: nothing.
+/// What is thrown when rays, beams and pixels are traced, by each of them or by none; empty: nothing.
 std::string traced_out_of_bounds(const Device& device, const TileTracer& tracer, const Level& level) {
   const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
   const CameraRays camera = camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 32, 32);

@@ -221,11 +221,11 @@ TEST(SampleSurface, PrimitivesHaveTheirVerticesNormalsAndColours) {
   level.primitives.colors = {{255, 0, 0}, {0, 0, 0}, {0, 0, 255}, {0, 0, 0}};
   level.primitives.triangles = {{3, 3, 3}, {0, 1, 2}};
   // At the first corner of the second triangle, in the middle of its far edge, and on one without a normal.
-  const rbvh_u32 second = RBVH_HIT_TRIANGLE_LEAF | 1u << RBVH_HIT_PRIMITIVE;
+  const rbvh_u32 second = RBVH_HIT_ON_PRIMITIVE | 1u << RBVH_HIT_PRIMITIVE_SHIFT;
   const SurfaceSamples s =
       sample_surface(level, std::vector<Hit>{{1, {0, 0, 1}, 0, 0, 1, second},
                                              {1, {0, 0, 1}, 0.5f, 0.5f, 1, second},
-                                             {1, {0, 0.6f, 0.8f}, 0.5f, 0.5f, 1, RBVH_HIT_TRIANGLE_LEAF}});
+                                             {1, {0, 0.6f, 0.8f}, 0.5f, 0.5f, 1, RBVH_HIT_ON_PRIMITIVE}});
   EXPECT_EQ(s.normals[0], (Vec3f{0, 0, 1}));
   EXPECT_NEAR(length(s.normals[1] - normalized(Vec3f{1, 1, 0})), 0, 1e-6);
   EXPECT_EQ(s.normals[2], (Vec3f{0, 0.6f, 0.8f}));
