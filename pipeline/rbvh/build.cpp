@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <future>
+#include <span>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
@@ -62,24 +64,53 @@ LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float a
           .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
 
-/// The scan as far as it is simplified: each coarser level goes on from the one before.
-struct SimplifiedScan {
-  const Scan* scan;
-  Scan own = {};
-};
-
-Level build_of_primitives(SimplifiedScan& simplified, const LevelRule& rule, const Lattice& lattice,
-                          Stopwatch& watch, BuildTimings& time) {
-  if (rule.error > 0 && !simplified.scan->is_cloud()) {
-    simplified.own = simplify(*simplified.scan, rule.error);
-    simplified.scan = &simplified.own;
-    time.simplify += watch.lap();
-  }
-  RefinedLevel groups = group_primitives(*simplified.scan, lattice);
+Level build_of_primitives(const Scan& scan, const LevelRule& rule, const Lattice& lattice,
+                          BuildTimings& time) {
+  Stopwatch watch;
+  RefinedLevel groups = group_primitives(scan, lattice);
   time.partition += watch.lap();
-  Level level = pack_level(rule.level, groups, *simplified.scan, rule.area, lattice);
+  Level level = pack_level(rule.level, groups, scan, rule.area, lattice);
   time.pack += watch.lap();
   return level;
+}
+
+/// A level of primitives in the making.
+struct PrimitiveLevel {
+  std::size_t number = 0;
+  Scan simplified;
+  std::future<Level> level;
+  BuildTimings time;
+};
+
+/// The levels of primitives, each simplified from the one before; a level is finished while the next is
+/// simplified.
+void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rules, const Bounds3f& box,
+                                std::vector<Level>& levels, BuildTimings& time) {
+  std::deque<PrimitiveLevel> making;  // their addresses stay
+  const Scan* finer = &scan;
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    const LevelRule& rule = rules[i];
+    if (!rule.holds_primitives) continue;
+    PrimitiveLevel& own = making.emplace_back();
+    own.number = i;
+    if (rule.error > 0 && !scan.is_cloud()) {
+      Stopwatch watch;
+      own.simplified = simplify(*finer, rule.error);
+      own.time.simplify = watch.lap();
+      finer = &own.simplified;
+    }
+    own.level = std::async(std::launch::async, [&own, &rule, &box, finer] {
+      return build_of_primitives(*finer, rule, lattice_of(rule.level, box), own.time);
+    });
+  }
+  for (PrimitiveLevel& own : making) {
+    levels[own.number] = own.level.get();
+    time.simplify += own.time.simplify;
+    time.partition += own.time.partition;
+    time.pack += own.time.pack;
+    time.levels[own.number] = {levels[own.number].name,
+                               own.time.simplify + own.time.partition + own.time.pack};
+  }
 }
 
 }  // namespace
@@ -136,18 +167,10 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   Rbvh rbvh;
   rbvh.levels.resize(rules.size());
   time.levels.resize(rules.size());
-  BuildTimings chain_time;
-  std::future<void> chain = std::async(std::launch::async, [&] {
-    Stopwatch chain_watch;
-    SimplifiedScan simplified{.scan = &scan};
-    for (std::size_t i = 0; i < rules.size(); ++i) {
-      if (!rules[i].holds_primitives) continue;
-      Stopwatch level_watch;
-      rbvh.levels[i] =
-          build_of_primitives(simplified, rules[i], lattice_of(rules[i].level, box), chain_watch, chain_time);
-      time.levels[i] = {rules[i].level.name, level_watch.lap()};
-    }
-  });
+  BuildTimings host_time;
+  host_time.levels.resize(rules.size());
+  std::future<void> of_primitives = std::async(
+      std::launch::async, [&] { build_levels_of_primitives(scan, rules, box, rbvh.levels, host_time); });
   for (std::size_t i = 0; i < rules.size(); ++i) {
     if (rules[i].holds_primitives) continue;
     report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
@@ -157,10 +180,12 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     time.pack += watch.lap();
     time.levels[i] = {rules[i].level.name, level_watch.lap()};
   }
-  chain.get();
-  time.simplify += chain_time.simplify;
-  time.partition += chain_time.partition;
-  time.pack += chain_time.pack;
+  of_primitives.get();
+  time.simplify += host_time.simplify;
+  time.partition += host_time.partition;
+  time.pack += host_time.pack;
+  for (std::size_t i = 0; i < rules.size(); ++i)
+    if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();
   rbvh.source.triangles = scan.triangles.size();
