@@ -11,6 +11,7 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/pack.h"
+#include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
 #include "pipeline/scan/simplify.h"
 
@@ -80,6 +81,13 @@ Level build_of_primitives(SimplifiedScan& simplified, const LevelRule& rule, con
   Level level = pack_level(rule.level, groups, *simplified.scan, rule.area, lattice);
   time.pack += watch.lap();
   return level;
+}
+
+/// Where nothing in its construction keeps the level's error.
+void sample_error(const Device& device, const Scan& scan, const Bounds3f& box, Level& level) {
+  if (level.error > 0)
+    level.reached =
+        static_cast<float>(sampled_error(device, level, scan) / static_cast<double>(box.diagonal()));
 }
 
 }  // namespace
@@ -154,10 +162,14 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     Stopwatch level_watch;
     RefinedLevel refined = refine_level(primitives, partition, rules[i], watch, time);
     rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].level, box));
+    sample_error(device, scan, box, rbvh.levels[i]);
     time.pack += watch.lap();
     time.levels[i] = {rules[i].level.name, level_watch.lap()};
   }
   chain.get();
+  if (scan.is_cloud())
+    for (std::size_t i = 0; i < rules.size(); ++i)
+      if (rules[i].holds_primitives) sample_error(device, scan, box, rbvh.levels[i]);
   time.simplify += chain_time.simplify;
   time.partition += chain_time.partition;
   time.pack += chain_time.pack;
