@@ -39,8 +39,14 @@ constexpr float kLatticeStep = 0.25f;
 /// A float keeps whole numbers up to 2^24: finer lattices do not hold what they promise.
 constexpr float kFinestStep = 1.0f / (1 << 22);
 
-Lattice lattice_of(const LevelConfig& level, const Bounds3f& box) {
-  const float step = kLatticeStep * level.error * box.diagonal();
+/// What is rounded, is rounded to the finest error anywhere in the level: that at the focus.
+float finest_error(const LevelConfig& level, const BuildConfig& config) {
+  return config.focus ? std::min(level.error, config.focus->level.error) : level.error;
+}
+
+/// `error`: scan units.
+Lattice lattice_of(float error, const Bounds3f& box) {
+  const float step = kLatticeStep * error;
   float largest = 0;
   for (int axis = 0; axis < 3; ++axis)
     largest = std::max({largest, std::abs(box.lo[axis]), std::abs(box.hi[axis])});
@@ -59,7 +65,7 @@ LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float a
           .config = &config,
           .area = area,
           .largest_tile = tuning.largest_tile,
-          .error = level.error * diagonal,
+          .error = finest_error(level, config) * diagonal,
           .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
 
@@ -152,7 +158,7 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
       if (!rules[i].holds_primitives) continue;
       Stopwatch level_watch;
       rbvh.levels[i] =
-          build_of_primitives(simplified, rules[i], lattice_of(rules[i].level, box), chain_watch, chain_time);
+          build_of_primitives(simplified, rules[i], lattice_of(rules[i].error, box), chain_watch, chain_time);
       time.levels[i] = {rules[i].level.name, level_watch.lap()};
     }
   });
@@ -161,7 +167,7 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
     Stopwatch level_watch;
     RefinedLevel refined = refine_level(primitives, partition, rules[i], watch, time);
-    rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].level, box));
+    rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].error, box));
     sample_error(device, scan, box, rbvh.levels[i]);
     time.pack += watch.lap();
     time.levels[i] = {rules[i].level.name, level_watch.lap()};
