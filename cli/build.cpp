@@ -105,6 +105,19 @@ void compare_sizes(Context& context, const std::string& file, std::uint64_t pair
                    levels > 1 ? "fewer or coarser levels" : "a coarser level"));
 }
 
+/// Levels of tiles and of clouds may miss the error that they were built for.
+void report_missed_errors(Context& context, const Rbvh& rbvh) {
+  std::string missed;
+  for (const Level& level : rbvh.levels)
+    if (level.reached > level.error)
+      missed += fmt::format("{}{} {:.2g} (asked for: {:.2g})", missed.empty() ? "" : ", ", level.name,
+                            level.reached, level.error);
+  if (missed.empty()) return;
+  note(
+      context,
+      "rbvh build: farther from the scan than asked for, rms of sampled points over the diagonal: " + missed);
+}
+
 void run_build(Context& context, const BuildOptions& options) {
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
@@ -151,6 +164,7 @@ void run_build(Context& context, const BuildOptions& options) {
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
   report_pair(context, context.output, bytes, counted(rbvh.levels.size(), "level"));
+  report_missed_errors(context, rbvh);
   compare_sizes(context, options.file, bytes.hierarchy + bytes.atlas, source.bytes, rbvh.levels.size());
 }
 

@@ -37,7 +37,7 @@ std::string count(const Json& json, const std::string& noun) {
 
 /// "1.6e-05   0.000432": an error of the diagonal, and in scan units.
 std::string error_text(const Json& of, const char* part, const char* length) {
-  const double error = of.is_null() ? 0 : of[part].get<double>();
+  const double error = of.is_null() || of[part].is_null() ? 0 : of[part].get<double>();
   if (!(error > 0)) return fmt::format("{:>9} {:>11}", "-", "-");
   return fmt::format("{:>9.3g} {:>11.4g}", error, of[length].get<double>());
 }

@@ -1,4 +1,6 @@
 // rbvh lod: a smaller pair of a pair, by levels, bytes or error.
+#include <spdlog/fmt/fmt.h>
+
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -13,6 +15,7 @@
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
 #include "pipeline/measure/stored_fidelity.h"
+#include "pipeline/rbvh/level_mesh.h"
 #include "pipeline/rbvh/lod.h"
 
 namespace rbvh {
@@ -63,9 +66,10 @@ std::string choose_by_error(Context& context, const LodOptions& options, const R
   const double most = part_of_diagonal(*options.most_error, "%", {diagonal, rbvh.source.units}, options.file);
   const Level& level = choose_level_by_error(rbvh, 100 * most, options.file);
   if (!known_error(rbvh, level).is_measured)
-    note(context, "rbvh lod: " + level.name +
-                      " is chosen by the error that it was built for; it was not measured (--against SCAN "
-                      "does that)");
+    note(context,
+         "rbvh lod: " + level.name +
+             " is chosen by the error that it was built for, or that build sampled where that is larger; "
+             "it was not measured (--against SCAN does that)");
   return level.name;
 }
 
@@ -84,8 +88,13 @@ void run_lod(Context& context, const LodOptions& options) {
   std::optional<Device> device;
   const Level finest = rbvh.levels.front();  // that came in: what others are derived from
   const auto derive = [&](Rbvh& to, const std::vector<LevelConfig>& levels) {
-    if (!levels.empty())
-      add_derived_levels(open_once(context, device), to, finest, levels, context.progress.callback());
+    if (levels.empty()) return;
+    if (!keeps_objects(finest, pair.is_cloud))
+      note(context,
+           fmt::format("rbvh lod: what is derived from {} is one object: its tiles are joined to one mesh, "
+                       "and its {} objects are not kept apart",
+                       finest.name, objects_of(finest).size()));
+    add_derived_levels(open_once(context, device), to, finest, levels, context.progress.callback());
   };
   const LevelChoice choice = choose_levels_by_name(rbvh, options.levels, options.dropped, options.file);
   derive(rbvh, choice.derived);

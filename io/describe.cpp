@@ -51,9 +51,16 @@ Json streams_json(const StreamBytes& s) {
           {"colors", s.colors}, {"radii", s.radii},   {"triangles", s.triangles}};
 }
 
-/// Surface distances that were measured, the larger of both ways: of the diagonal, and in scan units.
-Json reached_json(const LevelFidelity& fidelity, double diagonal) {
-  if (!fidelity.measured || fidelity.more.views == 0) return nullptr;
+/// Surface distances that were measured, the larger of both ways: of the diagonal, and in scan units. Else
+/// what build sampled.
+Json reached_json(const Level& level, double diagonal) {
+  const LevelFidelity& fidelity = level.fidelity;
+  if (!fidelity.measured || fidelity.more.views == 0) {
+    if (!(level.reached > 0)) return nullptr;
+    const auto sampled = static_cast<double>(level.reached);
+    return {
+        {"error", sampled}, {"error_length", sampled * diagonal}, {"max", nullptr}, {"max_length", nullptr}};
+  }
   const LevelMeasures& m = fidelity.more;
   const auto rms = static_cast<double>(std::max(m.to_scan_rms, m.to_level_rms)),
              most = static_cast<double>(std::max(m.to_scan_max, m.to_level_max));
@@ -69,7 +76,7 @@ Json level_json(const Level& level, const RbvhSource& source) {
                {"phi_degrees", float_json(level.phi_degrees)},
                {"error", float_json(level.error)},
                {"error_length", static_cast<double>(level.error) * diagonal},
-               {"reached", reached_json(level.fidelity, diagonal)},
+               {"reached", reached_json(level, diagonal)},
                {"nodes", level.nodes.size()},
                {"leaves", level.leaves.size()},
                {"primitive_leaves", level.primitive_leaves.size()},

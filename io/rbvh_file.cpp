@@ -102,6 +102,7 @@ Level to_level(const file::Level& from, double area, const std::string& path) {
   Level level;
   take_level(from, level);
   level.error = from.error();
+  level.reached = from.reached();
   const file::LeafGrid& grid = *from.grid();
   level.grid = {to_vec3f(*grid.origin()), grid.frame_step(), grid.box_step()};
   level.lattice = {to_vec3f(*from.lattice()->origin()), from.lattice()->step()};
@@ -190,10 +191,11 @@ flatbuffers::Offset<file::Level> add_level(flatbuffers::FlatBufferBuilder& build
   const LevelFidelity& f = level.fidelity;
   const file::Fidelity fidelity(f.mask_mismatch_percent, f.median_dt, f.p99_dt, f.holes, f.leaks, f.walls);
   const auto measures = std::bit_cast<file::Measures>(f.more);
-  return file::CreateLevel(
-      builder, name, level.rho, level.alpha, level.phi_degrees, level.error, &bounds, &counts_there, &grid,
-      &lattice, stream_table, level.atlas_width, level.atlas_height, layer_vector, level.texels_used,
-      atlas_bytes, f.measured ? &fidelity : nullptr, f.more.views > 0 ? &measures : nullptr, derived_from);
+  return file::CreateLevel(builder, name, level.rho, level.alpha, level.phi_degrees, level.error, &bounds,
+                           &counts_there, &grid, &lattice, stream_table, level.atlas_width,
+                           level.atlas_height, layer_vector, level.texels_used, atlas_bytes,
+                           f.measured ? &fidelity : nullptr, f.more.views > 0 ? &measures : nullptr,
+                           derived_from, level.reached);
 }
 
 flatbuffers::DetachedBuffer encode_hierarchy(const Rbvh& rbvh, std::uint64_t atlas_length,

@@ -104,6 +104,11 @@ std::vector<std::string> ingest_lines(const std::string& output, const IngestRep
                                            {counts.thinned, "thinned point"},
                                            {counts.small_components.components, "small component"}});
   if (!removed.empty()) lines.push_back("removed: " + removed);
+  if (gone.coincident.pairs() > 0)
+    lines.push_back(fmt::format(
+        "coincident faces, wound both ways: {} removed (flaps without thickness), {} left with the face that "
+        "closes the surface, {} with one (a sheet)",
+        counted(gone.coincident.flaps, "pair"), gone.coincident.closing, gone.coincident.sheets));
   const std::string added = list_counts({{counts.cloud.normals_estimated, "normal"},
                                          {counts.cloud.normals_by_viewpoint, "viewpoint-facing normal"},
                                          {counts.mesh_normals_completed, "vertex normal"},

@@ -13,6 +13,7 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/pack.h"
+#include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
 #include "pipeline/scan/simplify.h"
 
@@ -40,8 +41,14 @@ constexpr float kLatticeStep = 0.25f;
 /// A float keeps whole numbers up to 2^24: finer lattices do not hold what they promise.
 constexpr float kFinestStep = 1.0f / (1 << 22);
 
-Lattice lattice_of(const LevelConfig& level, const Bounds3f& box) {
-  const float step = kLatticeStep * level.error * box.diagonal();
+/// What is rounded, is rounded to the finest error anywhere in the level: that at the focus.
+float finest_error(const LevelConfig& level, const BuildConfig& config) {
+  return config.focus ? std::min(level.error, config.focus->level.error) : level.error;
+}
+
+/// `error`: scan units.
+Lattice lattice_of(float error, const Bounds3f& box) {
+  const float step = kLatticeStep * error;
   float largest = 0;
   for (int axis = 0; axis < 3; ++axis)
     largest = std::max({largest, std::abs(box.lo[axis]), std::abs(box.hi[axis])});
@@ -60,7 +67,7 @@ LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float a
           .config = &config,
           .area = area,
           .largest_tile = tuning.largest_tile,
-          .error = level.error * diagonal,
+          .error = finest_error(level, config) * diagonal,
           .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
 
@@ -100,7 +107,7 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
       finer = &own.simplified;
     }
     own.level = std::async(std::launch::async, [&own, &rule, &box, finer] {
-      return build_of_primitives(*finer, rule, lattice_of(rule.level, box), own.time);
+      return build_of_primitives(*finer, rule, lattice_of(rule.error, box), own.time);
     });
   }
   for (PrimitiveLevel& own : making) {
@@ -111,6 +118,13 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
     time.levels[own.number] = {levels[own.number].name,
                                own.time.simplify + own.time.partition + own.time.pack};
   }
+}
+
+/// Where nothing in its construction keeps the level's error.
+void sample_error(const Device& device, const Scan& scan, const Bounds3f& box, Level& level) {
+  if (level.error > 0)
+    level.reached =
+        static_cast<float>(sampled_error(device, level, scan) / static_cast<double>(box.diagonal()));
 }
 
 }  // namespace
@@ -176,7 +190,8 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
     Stopwatch level_watch;
     RefinedLevel refined = refine_level(primitives, partition, rules[i], watch, time);
-    rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].level, box));
+    rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].error, box));
+    sample_error(device, scan, box, rbvh.levels[i]);
     time.pack += watch.lap();
     time.levels[i] = {rules[i].level.name, level_watch.lap()};
   }
@@ -186,6 +201,9 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time.pack += host_time.pack;
   for (std::size_t i = 0; i < rules.size(); ++i)
     if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
+  if (scan.is_cloud())
+    for (std::size_t i = 0; i < rules.size(); ++i)
+      if (rules[i].holds_primitives) sample_error(device, scan, box, rbvh.levels[i]);
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();
   rbvh.source.triangles = scan.triangles.size();

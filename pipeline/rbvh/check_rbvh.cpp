@@ -192,6 +192,7 @@ Fault find_level_fault(const Level& level) {
     if (Fault fault = find_layer_fault(level, layer)) return "layer " + layer.name + " " + *fault;
   if (!level.derived_from.empty() && !is_name(level.derived_from))
     return "is derived from a level whose name is not letters, digits, _ and -";
+  if (!(level.reached >= 0 && std::isfinite(level.reached))) return "has a reached error that is no number";
   if (level.fidelity.measured)
     for (const float value :
          {level.fidelity.mask_mismatch_percent, level.fidelity.median_dt, level.fidelity.p99_dt})

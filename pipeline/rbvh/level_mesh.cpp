@@ -21,8 +21,11 @@ constexpr double kMostStretch = 3;
 /// Collects the vertices of one level's surface.
 class Surface {
  public:
-  explicit Surface(const Level& level)
-      : level_(level), normals_(find_layer(level, "normal")), colors_(find_layer(level, "color")) {
+  Surface(const Level& level, bool is_cloud)
+      : level_(level),
+        normals_(find_layer(level, "normal")),
+        colors_(find_layer(level, "color")),
+        has_objects_(objects_of(level) != std::vector<std::uint32_t>{0} && keeps_objects(level, is_cloud)) {
     has_colors_ = colors_ != nullptr || !level.primitives.colors.empty();
   }
 
@@ -54,15 +57,25 @@ class Surface {
       scan.colors.insert(scan.colors.end(), from.colors.begin(), from.colors.end());
       scan.colors.resize(scan.positions.size(), Color8{255, 255, 255});
     }
-    for (const Triangle& t : from.triangles)
-      scan.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    for (const RbvhPrimitiveLeaf& leaf : level_.primitive_leaves)
+      for (std::uint32_t i = leaf.first; i < leaf.first + level_.leaves[leaf.leaf].primitives; ++i) {
+        add_object(leaf.leaf);
+        if (holds_discs(level_)) continue;
+        const Triangle& t = from.triangles[i];
+        scan.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+      }
+  }
+
+  /// That of the next triangle or point.
+  void add_object(std::uint32_t leaf) {
+    if (has_objects_) scan.object_ids.push_back(static_cast<std::int32_t>(level_.leaves[leaf].object_id));
   }
 
  private:
   const Level& level_;
   const Layer* normals_;
   const Layer* colors_;
-  bool has_colors_ = false;
+  bool has_objects_, has_colors_ = false;
 };
 
 void add_quads(const Level& level, Surface& surface, Patches& patches, LevelMeshCounts& counts) {
@@ -100,24 +113,26 @@ void add_quads(const Level& level, Surface& surface, Patches& patches, LevelMesh
 }
 
 Scan mesh_of_level(const Level& level, LevelMeshCounts& counts) {
-  Surface surface(level);
+  Surface surface(level, false);
   Patches patches;
   surface.add_primitives();
   counts.primitive_triangles = surface.scan.triangles.size();
   counts.primitive_open_edges = count_edges(surface.scan).open;
-  add_quads(level, surface, patches, counts);
-  Scan mesh = std::move(surface.scan);
-  const StitchCounts stitched = stitch(mesh, patches);
-  counts.welded_vertices = stitched.welded_vertices;
-  counts.stitch_triangles = stitched.added_triangles;
+  Scan& mesh = surface.scan;
+  if (level.primitive_leaves.size() < level.leaves.size()) {
+    add_quads(level, surface, patches, counts);
+    const StitchCounts stitched = stitch(mesh, patches);
+    counts.welded_vertices = stitched.welded_vertices;
+    counts.stitch_triangles = stitched.added_triangles;
+  }
   const EdgeCounts edges = count_edges(mesh);
   counts.open_edges = edges.open;
   counts.non_manifold_edges = edges.non_manifold;
-  return mesh;
+  return std::move(mesh);
 }
 
 Scan cloud_of_level(const Level& level) {
-  Surface surface(level);
+  Surface surface(level, true);
   const std::vector<std::uint16_t>& heights = level.layers[0].texels;
   const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (const RbvhNode& node : level.nodes) {
@@ -135,6 +150,7 @@ Scan cloud_of_level(const Level& level) {
           is_inside = is_inside && p[axis] >= node.lo[axis] && p[axis] <= node.hi[axis];
         if (!is_inside) continue;
         surface.add_texel(leaf, frame, x, y);
+        surface.add_object(node.first);
         const double lean = std::abs(dot(Vec3d(surface.scan.normals.back()), outside));
         surface.scan.radii.push_back(static_cast<float>(
             kDiscPerTexel * std::max(length(frame.u), length(frame.v)) / std::max(lean, 1 / kMostStretch)));
@@ -145,6 +161,18 @@ Scan cloud_of_level(const Level& level) {
 }
 
 }  // namespace
+
+std::vector<std::uint32_t> objects_of(const Level& level) {
+  std::vector<std::uint32_t> ids;
+  for (const RbvhLeaf& leaf : level.leaves) ids.push_back(leaf.object_id);
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  return ids;
+}
+
+bool keeps_objects(const Level& level, bool is_cloud) {
+  return is_cloud || level.primitive_leaves.size() == level.leaves.size() || objects_of(level).size() < 2;
+}
 
 Scan level_mesh(const Level& level, bool is_cloud, LevelMeshCounts* counts) {
   LevelMeshCounts unasked;

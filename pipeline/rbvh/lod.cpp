@@ -58,7 +58,12 @@ std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const L
   config.levels = levels;
   config.area = rbvh.source.area;
   std::vector<Level> derived = build_rbvh(device, scan, config, progress).levels;
-  for (Level& level : derived) level.derived_from = from.name;
+  const double before = known_error(rbvh, from).percent / 100;  // NaN: not known
+  for (Level& level : derived) {
+    level.derived_from = from.name;
+    level.reached =
+        std::isnan(before) ? 0 : static_cast<float>(before) + std::max(level.error, level.reached);
+  }
   carry_layers(device, from, derived);
   return derived;
 }
@@ -124,9 +129,10 @@ std::vector<std::string> unmeasured_levels(const Rbvh& rbvh) {
 KnownError known_error(const Rbvh& rbvh, const Level& level) {
   const double measured = error_percent(level.fidelity);
   if (!std::isnan(measured)) return {measured, true};
-  if (rbvh.source.triangles == 0 || !(level.error > 0))
+  const bool is_unbounded = !level.derived_from.empty() && !(level.reached > 0);
+  if (rbvh.source.triangles == 0 || !(level.error > 0) || is_unbounded)
     return {std::numeric_limits<double>::quiet_NaN(), false};
-  return {100 * static_cast<double>(level.error), false};
+  return {100 * static_cast<double>(std::max(level.error, level.reached)), false};
 }
 
 const Level& choose_level_by_error(const Rbvh& rbvh, double most, const std::string& file) {

@@ -16,7 +16,8 @@ namespace rbvh {
 
 /// Builds levels from the surface of `from`, as build_rbvh() does from a scan. (Mip levels of its tiles would
 /// leave a coarse level with the fine one's many leaves: section 3.5 of the paper prefers a rebuild.)
-/// They are marked as derived, are not measured, and have the user's layers too.
+/// They are marked as derived, are not measured, and have the user's layers too; of its objects see
+/// keeps_objects().
 std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const Level& from,
                                  const std::vector<LevelConfig>& levels, const Progress& progress = {});
 
@@ -54,8 +55,9 @@ struct KnownError {
   bool is_measured = false;  ///< error_percent(); else what it was built for
 };
 
-/// What was reached where it was measured, else what was asked for. A cloud's levels, and those by density,
-/// are known by measures alone: no error shaped them.
+/// What was reached where it was measured, else the larger of what was asked for and what build sampled. A
+/// cloud's levels, those by density, and what is derived from such, are known by measures alone: no error
+/// shaped them.
 KnownError known_error(const Rbvh& rbvh, const Level& level);
 
 /// The coarsest level whose known_error() is at most `most` percent of the diagonal. Throws Error(kInput)

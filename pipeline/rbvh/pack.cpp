@@ -17,6 +17,7 @@
 #include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
+#include "pipeline/rbvh/snap_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
 
@@ -26,8 +27,6 @@ namespace {
 constexpr std::size_t kGrain = 64;  // tiles
 /// Where fewer texels have normals further from those of their heights, no normals are stored.
 constexpr double kNormalsApartDegrees = 20, kMostApart = 0.1;
-/// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
-constexpr float kSameNormal = 0.94f;
 
 Vec3f center(const Scan& scan, std::uint32_t primitive) {
   if (scan.is_cloud()) return scan.positions[primitive];
@@ -85,67 +84,36 @@ void sort_into_blocks(std::span<std::uint32_t> primitives, const Scan& scan) {
   sort_into_blocks(primitives.subspan(middle), scan);
 }
 
-/// Gathers the vertices that a level's primitives use, numbered by first use.
-class PrimitiveVertices {
- public:
-  PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice, Scan& to)
-      : scan_(scan), normals_(normals), lattice_(lattice), to_(to), numbers_(scan.positions.size(), kNone) {}
-
-  std::uint32_t add(std::uint32_t vertex) {
-    std::uint32_t& number = numbers_[vertex];
-    if (number != kNone) return number;
-    number = static_cast<std::uint32_t>(to_.positions.size());
-    to_.positions.push_back(snapped(lattice_, scan_.positions[vertex]));
-    const auto unit = static_cast<Vec3f>(normalized(static_cast<Vec3d>(normals_[vertex])));
-    to_.normals.push_back(lattice_.step > 0 ? unpack_normal(pack_normal(unit)) : unit);
-    if (!scan_.colors.empty()) to_.colors.push_back(scan_.colors[vertex]);
-    return number;
-  }
-
- private:
-  static constexpr std::uint32_t kNone = 0xffffffffu;
-  const Scan& scan_;
-  std::span<const Vec3f> normals_;
-  const Lattice& lattice_;
-  Scan& to_;
-  std::vector<std::uint32_t> numbers_;
-};
-
-/// Appends the primitives of a leaf; returns their number. Triangles that a lattice leaves without an area
-/// go, as long as one is left.
-std::uint32_t add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives, bool has_lattice,
-                             PrimitiveVertices& vertices, Scan& to) {
-  const std::size_t before = to.triangles.size();
-  for (std::size_t k = 0; k < primitives.size(); ++k) {
+/// Appends the primitives of a leaf.
+void add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives, bool has_lattice,
+                    PrimitiveVertices& vertices, Scan& to) {
+  for (const std::uint32_t i : primitives) {
     if (scan.is_cloud()) {
-      vertices.add(primitives[k]);
-      const float radius = scan.radii[primitives[k]];
-      to.radii.push_back(has_lattice ? unround_radius(round_radius(radius)) : radius);
+      vertices.add(i);
+      to.radii.push_back(has_lattice ? unround_radius(round_radius(scan.radii[i])) : scan.radii[i]);
       continue;
     }
-    Triangle t = scan.triangles[primitives[k]];
+    Triangle t = scan.triangles[i];
     for (std::uint32_t& corner : t) corner = vertices.add(corner);
-    const auto at = [&](std::size_t corner) { return to.positions[t[corner]]; };
-    const bool is_flat = has_lattice && (at(0) == at(1) || at(1) == at(2) || at(2) == at(0));
-    if (!is_flat || (k + 1 == primitives.size() && to.triangles.size() == before)) to.triangles.push_back(t);
+    to.triangles.push_back(t);
   }
-  return static_cast<std::uint32_t>(scan.is_cloud() ? primitives.size() : to.triangles.size() - before);
 }
 
 /// Fills in the level's primitives and their leaves, whose tiles are `tiles[order[leaf]]`.
 void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
-                      const std::vector<std::vector<std::uint32_t>>& of_tile, const Scan& scan) {
+                      const std::vector<std::vector<std::uint32_t>>& of_tile, const Scan& scan,
+                      std::span<const std::uint32_t> first_at_place) {
   if (std::none_of(tiles.begin(), tiles.end(),
                    [](const Tile& tile) { return tile.decision == LeafDecision::kPrimitives; }))
     return;
   const std::vector<Vec3f> normals = scan.normals.empty() ? vertex_normals(scan) : scan.normals;
-  PrimitiveVertices vertices(scan, normals, level.lattice, level.primitives);
+  PrimitiveVertices vertices(scan, normals, level.lattice, first_at_place, level.primitives);
   for (std::uint32_t leaf = 0; leaf < order.size(); ++leaf) {
     Tile& tile = tiles[order[leaf]];
     if (tile.decision != LeafDecision::kPrimitives) continue;
     level.primitive_leaves.push_back({leaf, static_cast<std::uint32_t>(primitive_count(level))});
-    tile.leaf.primitives =
-        add_primitives(scan, of_tile[order[leaf]], level.lattice.step > 0, vertices, level.primitives);
+    tile.leaf.primitives = static_cast<std::uint32_t>(of_tile[order[leaf]].size());
+    add_primitives(scan, of_tile[order[leaf]], level.lattice.step > 0, vertices, level.primitives);
   }
   if (scan.is_cloud()) return;
   rotate_as_stored(level.primitives);
@@ -159,6 +127,7 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
 
 Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
                  const Lattice& lattice) {
+  const std::vector<std::uint32_t> first_at_place = drop_collapsed(refined, scan, lattice);
   std::vector<Tile>& tiles = refined.tiles;
   Level level;
   level.name = config.name;
@@ -196,7 +165,7 @@ Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& s
     }
   });
   TopTree tree = build_top_tree(boxes);
-  store_primitives(level, tiles, tree.order, refined.held, scan);
+  store_primitives(level, tiles, tree.order, refined.held, scan, first_at_place);
   level.nodes = std::move(tree.nodes);
   for (const std::uint32_t k : tree.order) {
     level.leaves.push_back(tiles[k].leaf);

@@ -92,7 +92,10 @@ struct Level {
   float alpha = 0;        ///< least projected area over area
   float phi_degrees = 0;  ///< widest half-angle of the cone of normals
   float error = 0;        ///< that was asked for, of the scan's diagonal; 0: the density alone decided
-  Bounds3f bounds;        ///< of all tiles
+  /// Of the scan's diagonal, as build found it by sampled_error(); of a derived level the sum of the errors
+  /// that led to it. 0: its construction keeps the error, or there is none.
+  float reached = 0;
+  Bounds3f bounds;  ///< of all tiles
   std::vector<RbvhNode> nodes;
   std::vector<RbvhLeaf> leaves;
   std::vector<RbvhPrimitiveLeaf>

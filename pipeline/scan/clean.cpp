@@ -128,6 +128,20 @@ void drop_faces(Scan& scan, CleanCounts& counts) {
   if (counts.duplicate_faces > 0) keep_triangles(scan, keep);
 }
 
+void drop_coincident(Scan& scan, CleanCounts& counts) {
+  const std::vector<std::uint32_t> first = first_equal_vertices(scan, false);
+  std::vector<Triangle> triangles = scan.triangles;
+  for (Triangle& t : triangles)
+    for (std::uint32_t& corner : t) corner = first[corner];
+  const std::vector<FaceFate> fates = settle_coincident(
+      triangles, scan.positions, scan.object_ids, kLargestFlap * bounds(scan).diagonal(), counts.coincident);
+  if (fates.empty()) return;
+  std::vector<std::uint8_t> keep(fates.size());
+  for (std::size_t i = 0; i < fates.size(); ++i)
+    keep[i] = fates[i] == FaceFate::kStays || fates[i] == FaceFate::kSheet;
+  keep_triangles(scan, keep);
+}
+
 void drop_unreferenced(Scan& scan, CleanCounts& counts) {
   std::vector<std::uint8_t> keep(scan.positions.size());
   for (const Triangle& triangle : scan.triangles)
@@ -161,6 +175,7 @@ CleanCounts clean(Scan& scan) {
   drop_duplicate_vertices(scan, counts);
   if (!is_mesh) return counts;
   drop_faces(scan, counts);
+  drop_coincident(scan, counts);
   drop_unreferenced(scan, counts);
   return counts;
 }

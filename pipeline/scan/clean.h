@@ -1,9 +1,10 @@
-// The cleaning that every ingest does: removes elements that cannot be seen and exact duplicates, and changes
-// nothing else.
+// The cleaning that every ingest does: removes elements that cannot be seen and exact duplicates, settles
+// coincident faces, and changes nothing else.
 #pragma once
 
 #include <cstddef>
 
+#include "pipeline/scan/coincident.h"
 #include "rbvh/scan.h"
 
 namespace rbvh {
@@ -15,6 +16,7 @@ struct CleanCounts {
   std::size_t duplicate_vertices = 0;  ///< same position, attributes and (points) object id as an earlier one
   std::size_t zero_area_faces = 0;     ///< corners equal or exactly on a line
   std::size_t duplicate_faces = 0;     ///< same corners with the same winding, same object id
+  CoincidentCounts coincident;         ///< pairs of faces with the same corners and opposite windings
   std::size_t unreferenced_vertices = 0;  ///< of a mesh, in no face that is left
 };
 

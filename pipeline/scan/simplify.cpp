@@ -3,7 +3,10 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -13,6 +16,7 @@
 #include <vector>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/scan/coincident.h"
 
 namespace rbvh {
 namespace {
@@ -36,6 +40,55 @@ std::vector<std::uint32_t> weld(const Scan& scan) {
     first_of[i] = vertex;
   }
   return first_of;
+}
+
+/// The cosine between normals of vertices that close_seams() may make one.
+constexpr float kSameNormal = 0.99f;
+/// Its cells, to the error: as a level's lattice.
+constexpr float kSeam = 0.25f;
+
+/// Vertices at which the surface is open: around the others each neighbour follows one and precedes one.
+std::vector<bool> open_vertices(std::size_t count, const std::vector<Triangle>& triangles) {
+  const auto mixed = [](std::uint64_t v) {
+    v = (v + 1) * 0x9e3779b97f4a7c15u;
+    return (v ^ (v >> 32)) * 0xd6e8feb86659fd93u;
+  };
+  std::vector<std::uint64_t> sums(count);
+  for (const Triangle& t : triangles)
+    for (std::size_t c = 0; c < 3; ++c) sums[t[c]] += mixed(t[(c + 1) % 3]) - mixed(t[(c + 2) % 3]);
+  std::vector<bool> open(count);
+  for (std::size_t v = 0; v < count; ++v) open[v] = sums[v] != 0;
+  return open;
+}
+
+/// Two edges of the surface that are no further apart than rounding puts them are one: open vertices in one
+/// cell of a grid, unless their attributes differ.
+void close_seams(const Scan& scan, float cell, std::vector<Triangle>& triangles) {
+  const std::vector<bool> open = open_vertices(scan.positions.size(), triangles);
+  const Vec3f origin = bounds(scan).lo;
+  const auto are_alike = [&](std::uint32_t a, std::uint32_t b) {
+    return (scan.normals.empty() || dot(scan.normals[a], scan.normals[b]) >= kSameNormal) &&
+           (scan.colors.empty() || scan.colors[a] == scan.colors[b]);
+  };
+  std::map<std::array<std::int64_t, 3>, std::vector<std::uint32_t>> cells;
+  std::vector<std::uint32_t> now(scan.positions.size());
+  std::iota(now.begin(), now.end(), 0u);
+  for (std::uint32_t v = 0; v < open.size(); ++v) {
+    if (!open[v]) continue;
+    const Vec3f p = (scan.positions[v] - origin) * (1 / cell);
+    std::vector<std::uint32_t>& others = cells[{std::llround(p.x), std::llround(p.y), std::llround(p.z)}];
+    const auto first =
+        std::find_if(others.begin(), others.end(), [&](std::uint32_t w) { return are_alike(w, v); });
+    if (first != others.end())
+      now[v] = *first;
+    else
+      others.push_back(v);
+  }
+  for (const Triangle& t : triangles)  // none vanishes
+    if (now[t[0]] == now[t[1]] || now[t[1]] == now[t[2]] || now[t[2]] == now[t[0]])
+      for (const std::uint32_t corner : t) now[corner] = corner;
+  for (Triangle& t : triangles)
+    for (std::uint32_t& corner : t) corner = now[corner];
 }
 
 /// The vertex that stands for each one's component.
@@ -164,24 +217,42 @@ std::optional<Indices> simplify_in_parts(std::span<const Vec3f> positions, const
   return all;
 }
 
+/// Takes out flaps, which collapses leave where they fold triangles onto each other, and components of which
+/// nothing else is left.
+void drop_flaps(const std::vector<Vec3f>& positions, Indices& indices) {
+  std::vector<Triangle> triangles(indices.size() / 3);
+  for (std::size_t i = 0; i < indices.size(); ++i) triangles[i / 3][i % 3] = indices[i];
+  CoincidentCounts counts;
+  const std::vector<FaceFate> fates =
+      settle_coincident(triangles, positions, {}, std::numeric_limits<float>::infinity(), counts);
+  if (fates.empty()) return;
+  indices.clear();
+  for (std::size_t i = 0; i < fates.size(); ++i)
+    if (fates[i] == FaceFate::kStays) indices.insert(indices.end(), triangles[i].begin(), triangles[i].end());
+}
+
 Indices simplify_object(const Scan& scan, const Indices& indices, float error) {
   std::optional<Indices> fewer;
   if (indices.size() / 3 > 2 * kPartTriangles) fewer = simplify_in_parts(scan.positions, indices, error);
   if (!fewer) fewer = simplify_whole(scan.positions, indices, error);
+  drop_flaps(scan.positions, *fewer);
   keep_components(scan.positions.size(), indices, *fewer);
   return std::move(*fewer);
 }
 
 /// The triangles' corners after welding, by object; those that weld to nothing go.
-std::map<std::int32_t, std::vector<unsigned int>> indices_by_object(const Scan& scan) {
+std::map<std::int32_t, std::vector<unsigned int>> indices_by_object(const Scan& scan, float error) {
   const std::vector<std::uint32_t> first_of = weld(scan);
+  std::vector<Triangle> triangles = scan.triangles;
+  for (Triangle& t : triangles)
+    for (std::uint32_t& corner : t) corner = first_of[corner];
+  if (error > 0) close_seams(scan, kSeam * error, triangles);
   std::map<std::int32_t, std::vector<unsigned int>> by_object;
   for (std::size_t i = 0; i < scan.triangles.size(); ++i) {
-    const Triangle& t = scan.triangles[i];
-    const unsigned int corners[3] = {first_of[t[0]], first_of[t[1]], first_of[t[2]]};
-    if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) continue;
+    const Triangle& t = triangles[i];
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
     std::vector<unsigned int>& indices = by_object[scan.object_ids.empty() ? 0 : scan.object_ids[i]];
-    indices.insert(indices.end(), corners, corners + 3);
+    indices.insert(indices.end(), t.begin(), t.end());
   }
   return by_object;
 }
@@ -193,7 +264,7 @@ Scan simplify(const Scan& scan, float error) {
   Scan result;
   result.shift = scan.shift;
   std::vector<std::uint32_t> numbers(scan.positions.size(), 0xffffffffu);
-  for (const auto& [object, indices] : indices_by_object(scan)) {
+  for (const auto& [object, indices] : indices_by_object(scan, error)) {
     const std::vector<unsigned int> fewer = simplify_object(scan, indices, error);
     for (std::size_t i = 0; i < fewer.size(); i += 3) {
       Triangle& triangle = result.triangles.emplace_back();

@@ -9,6 +9,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "pipeline/scan/clean.h"
+
 namespace rbvh {
 namespace {
 
@@ -437,7 +439,11 @@ StitchCounts stitch(Scan& mesh, const Patches& patches) {
 }
 
 EdgeCounts count_edges(const Scan& mesh) {
-  const std::vector<Edge> edges = sorted_edges(mesh.triangles);
+  const std::vector<std::uint32_t> first = first_equal_vertices(mesh, false);
+  std::vector<Triangle> triangles = mesh.triangles;
+  for (Triangle& t : triangles)
+    for (std::uint32_t& corner : t) corner = first[corner];
+  const std::vector<Edge> edges = sorted_edges(triangles);
   EdgeCounts counts;
   const auto times = [&](Edge e) {
     const auto [first, last] = std::equal_range(edges.begin(), edges.end(), e);

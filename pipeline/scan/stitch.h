@@ -28,7 +28,8 @@ struct StitchCounts {
 /// mesh needs normals and no properties; vertices that no triangle uses go. Deterministic.
 StitchCounts stitch(Scan& mesh, const Patches& patches);
 
-/// Edges with one triangle, and with more than two or two that face different ways.
+/// Edges with one triangle, and with more than two or two that face different ways. Vertices at one place are
+/// one.
 struct EdgeCounts {
   std::uint64_t open = 0, non_manifold = 0;
 };

@@ -84,9 +84,10 @@ TEST_F(Ingest, TheReportHasEveryCount) {
   EXPECT_EQ(report["removed"]["duplicate_faces"], 2);
   EXPECT_EQ(report["removed"]["unreferenced_vertices"], 2);
   EXPECT_EQ(report["vertices_out"], 3);
-  EXPECT_EQ(report["faces_out"], 2);
+  EXPECT_EQ(report["removed"]["coincident_faces"]["sheets"], 1);
+  EXPECT_EQ(report["faces_out"], 1);
   EXPECT_EQ(report["shift"][0], 500001);
-  EXPECT_EQ(report["area"], 1.0);
+  EXPECT_EQ(report["area"], 0.5);
   EXPECT_TRUE(report["timings"].contains("read"));
 }
 

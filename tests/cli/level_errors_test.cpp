@@ -104,6 +104,38 @@ TEST_F(LevelErrors, LodChoosesByWhatIsKnown) {
   EXPECT_EQ(run.err.find("is chosen by"), std::string::npos) << run.err;
 }
 
+TEST_F(LevelErrors, ALevelThatMissesItsErrorIsNamed) {
+  std::string vertices, faces;
+  constexpr int kSide = 200;
+  for (int j = 0; j < kSide; ++j)
+    for (int i = 0; i < kSide; ++i)
+      vertices +=
+          std::to_string(i) + " " + std::to_string((i * 31 + j * 17) % 7) + " " + std::to_string(j) + "\n";
+  for (int j = 0; j + 1 < kSide; ++j)
+    for (int i = 0; i + 1 < kSide; ++i) {
+      const int a = j * kSide + i;
+      faces +=
+          "3 " + std::to_string(a) + " " + std::to_string(a + kSide) + " " + std::to_string(a + 1) + "\n";
+      faces += "3 " + std::to_string(a + 1) + " " + std::to_string(a + kSide) + " " +
+               std::to_string(a + kSide + 1) + "\n";
+    }
+  write("rough.ply", "ply\nformat ascii 1.0\nelement vertex " + std::to_string(kSide * kSide) +
+                         "\nproperty float x\nproperty float y\nproperty float z\nelement face " +
+                         std::to_string(2 * (kSide - 1) * (kSide - 1)) +
+                         "\nproperty list uchar int vertex_indices\nend_header\n" + vertices + faces);
+  const ToolRun run = tool("build rough.ply -o rough.rbvh --levels Q4 --hybrid off --progress none");
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("farther from the scan than asked for"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("Q4 0.0"), std::string::npos) << run.err;
+  const Json level = info("rough.rbvh")["levels"][0];
+  EXPECT_GT(level["reached"]["error"], level["error"]);
+  EXPECT_TRUE(level["reached"]["max"].is_null());
+  EXPECT_EQ(tool("info rough.rbvh").code, 0);
+  bad("lod rough.rbvh -o x.rbvh --max-error 0.06%", 5, "no level is within");
+  const ToolRun fine = tool("build ball.ply -o fine.rbvh --levels Q4 --progress none");
+  EXPECT_EQ(fine.err.find("farther"), std::string::npos) << fine.err;
+}
+
 TEST_F(LevelErrors, InfoShowsWhatWasAskedForAndReached) {
   good("build ball.ply -o a.rbvh --levels Q3=4e-4,Q4 --measure --views 1 --resolution 32");
   const Json pair = info("a.rbvh");

@@ -83,6 +83,7 @@ inline Level random_level(Random& random, const RandomLevelConfig& config, doubl
   level.alpha = 0.85f;
   level.phi_degrees = 45;
   level.error = 0.01f;
+  level.reached = 0.02f;
   level.bounds = {{-2, -2, -2}, {2, 2, 2}};
   if (config.on_grid) level.grid = leaf_grid(level.bounds);
   if (config.on_lattice) level.lattice = {level.bounds.lo, 4.0f / 65536};

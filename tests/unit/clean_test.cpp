@@ -52,11 +52,12 @@ TEST(Clean, EachKindOfFaultIsCounted) {
   EXPECT_EQ(counts.duplicate_vertices, 1u);
   EXPECT_EQ(counts.zero_area_faces, 2u);
   EXPECT_EQ(counts.duplicate_faces, 1u);  // {3,1,2}; {1,3,2} is the other side, the last another object
+  EXPECT_EQ(counts.coincident.pairs(), 1u);
   EXPECT_EQ(counts.unreferenced_vertices, 2u);
   EXPECT_EQ(scan.positions.size(), 4u);
   EXPECT_EQ(scan.properties[0].values, (std::vector<float>{1, 2, 3, 4}));
-  EXPECT_EQ(scan.triangles, (std::vector<Triangle>{{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 1, 2}}));
-  EXPECT_EQ(scan.object_ids, (std::vector<std::int32_t>{0, 0, 0, 9}));
+  EXPECT_EQ(scan.triangles, (std::vector<Triangle>{{0, 1, 2}, {0, 2, 3}, {0, 1, 2}}));
+  EXPECT_EQ(scan.object_ids, (std::vector<std::int32_t>{0, 0, 9}));
 }
 
 TEST(Clean, PointsThatDifferInAnythingStay) {

@@ -52,6 +52,20 @@ TEST(Focus, DistancesToABox) {
   EXPECT_FLOAT_EQ(distances(box, {4, 2, 3}).farthest, std::sqrt(16.0f + 4 + 9));
 }
 
+TEST(Focus, HeightsAreRoundedToTheErrorThere) {
+  const Scan scan = bumpy_sphere(100);
+  BuildConfig config;
+  config.levels = {standard("Q4")};
+  config.hybrid = Hybrid::kOff;
+  config.focus = Focus{{0, 0, 1}, 0.2f, standard("Q0")};
+  const Level level = std::move(build_rbvh(Device::open(), scan, config).levels[0]);
+  const auto error = static_cast<double>(standard("Q0").error * bounds(scan).diagonal());
+  for (const RbvhLeaf& leaf : level.leaves) {
+    const TileFrame frame(leaf);
+    EXPECT_LE(length(frame.w), std::max(error, length(frame.u) / 250));
+  }
+}
+
 TEST(Focus, BuildsFollowIt) {
   const Device device = Device::open();
   const Scan scan = bumpy_sphere(120);

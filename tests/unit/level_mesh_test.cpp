@@ -104,6 +104,34 @@ TEST(LevelMesh, ALevelOfPrimitivesIsTheseAsTheyAre) {
   EXPECT_EQ(counts.tile_quads, 0u);
 }
 
+/// A torus with a finely divided part, whose edges are shorter than coarse levels' lattices; its first ring
+/// and its last have vertices of their own, almost at one place.
+Scan closed_torus() {
+  Scan scan;
+  add_sheet(scan, 150, [](float s, float t) {
+    const float along = 6.2831853f * s * s * s, around = 6.2831853f * t;
+    const float r = 1 + 0.3f * std::cos(around) + 0.02f * std::sin(9 * along);
+    return Vec3f{r * std::cos(along), r * std::sin(along), 0.3f * std::sin(around)};
+  });
+  return scan;
+}
+
+TEST(LevelMesh, LevelsOfPrimitivesAreClosedWhereTheScanIs) {
+  for (const Scan& scan : {closed_sphere(6), closed_torus(), bumpy_sphere(120)}) {
+    BuildConfig build;
+    build.levels = standard_levels();
+    build.hybrid = Hybrid::kAlways;
+    for (const Level& level : build_rbvh(Device::open(), scan, build).levels) {
+      LevelMeshCounts counts;
+      const Scan mesh = level_mesh(level, false, &counts);
+      ASSERT_EQ(level.primitive_leaves.size(), level.leaves.size());
+      EXPECT_EQ(counts.open_edges, 0u) << level.name << " of " << scan.triangles.size();
+      EXPECT_LE(counts.non_manifold_edges, 2u) << level.name << " of " << scan.triangles.size();
+      expect_no_duplicates(mesh);
+    }
+  }
+}
+
 TEST(LevelMesh, TrimmedTilesDoNotOverlap) {
   Scan scan;
   add_plate(scan, 300, 0.1f);

@@ -116,6 +116,73 @@ TEST(Lod, WhatWasReachedCountsMoreThanWhatWasAskedFor) {
       << "a cloud's Q0 was not measured";
 }
 
+/// A sheet whose heights alternate from vertex to vertex.
+Scan rough_sheet(int n, float height) {
+  Scan scan;
+  int i = 0;
+  add_sheet(scan, n, [&](float s, float t) {
+    return Vec3f{s, t, static_cast<float>(i++ * 7919 % 13) * height / 12};
+  });
+  return scan;
+}
+
+TEST(Lod, ALevelThatMissesItsErrorIsNotTrusted) {
+  const Device device = Device::open();
+  const Scan scan = rough_sheet(150, 0.04f);  // its triangles are as small as texels
+  BuildConfig config;
+  config.levels = configs({"Q4"});
+  config.hybrid = Hybrid::kOff;
+  const Rbvh tiles = build_rbvh(device, scan, config);
+  for (const Level& level : tiles.levels) {
+    ASSERT_TRUE(level.primitive_leaves.empty());
+    EXPECT_GT(level.reached, level.error) << level.name;
+    EXPECT_GE(known_error(tiles, level).percent, 100 * static_cast<double>(level.reached)) << level.name;
+    const double rms = sampled_distance(surface_of(scan), ClosestPoint(surface_of(level)), 20000).rms /
+                       static_cast<double>(bounds(scan).diagonal());
+    EXPECT_GT(static_cast<double>(level.reached), 0.7 * rms) << level.name;
+  }
+  EXPECT_EQ(kind_of_error(
+                [&] { choose_level_by_error(tiles, 100 * static_cast<double>(tiles.levels[0].error), "a"); }),
+            ErrorKind::kBudget);
+  config.hybrid = Hybrid::kAlways;  // simplified triangles keep theirs
+  for (const Level& level : build_rbvh(device, scan, config).levels) EXPECT_EQ(level.reached, 0);
+}
+
+TEST(Lod, DerivedLevelsKeepObjectsWhereTheyCan) {
+  const Device device = Device::open();
+  Scan scan = bumpy_sphere(40);
+  const auto first = static_cast<std::uint32_t>(scan.positions.size());
+  const std::size_t count = scan.triangles.size();
+  for (std::uint32_t i = 0; i < first; ++i) scan.positions.push_back(scan.positions[i] + Vec3f{3, 0, 0});
+  for (std::size_t i = 0; i < count; ++i) {
+    const Triangle t = scan.triangles[i];
+    scan.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  }
+  for (std::size_t i = 0; i < 2 * count; ++i) scan.object_ids.push_back(i < count ? 4 : 7);
+  for (const Hybrid hybrid : {Hybrid::kAlways, Hybrid::kOff}) {
+    BuildConfig config;
+    config.levels = configs({"Q3"});
+    config.hybrid = hybrid;
+    const Rbvh rbvh = build_rbvh(device, scan, config);
+    const Level& from = rbvh.levels[0];
+    EXPECT_EQ(objects_of(from), (std::vector<std::uint32_t>{4, 7}));
+    ASSERT_EQ(keeps_objects(from, false), hybrid == Hybrid::kAlways);
+    const Scan mesh = level_mesh(from, false);
+    const std::vector<Level> derived = derive_levels(device, rbvh, from, configs({"Q4"}));
+    // As far from the scan as the level that it is derived from, and its own error.
+    EXPECT_GE(derived[0].reached, std::max(from.error, from.reached) + derived[0].error);
+    if (!keeps_objects(from, false)) {
+      EXPECT_TRUE(mesh.object_ids.empty());
+      EXPECT_EQ(objects_of(derived[0]), std::vector<std::uint32_t>{0});
+      continue;
+    }
+    ASSERT_EQ(mesh.object_ids.size(), mesh.triangles.size());
+    for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+      EXPECT_EQ(mesh.object_ids[i], mesh.positions[mesh.triangles[i][0]].x < 1.5f ? 4 : 7);
+    EXPECT_EQ(objects_of(derived[0]), (std::vector<std::uint32_t>{4, 7}));
+  }
+}
+
 TEST(Lod, TheMeshOfALevelIsItsSurface) {
   Scan scan = bumpy_sphere(60);
   for (const Vec3f& p : scan.positions)

@@ -1,0 +1,47 @@
+// What moving a level's primitives to its lattice makes of them: vertices that meet become one, triangles
+// without area go, and so do flaps.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "pipeline/rbvh/refine.h"
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+/// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
+inline constexpr float kSameNormal = 0.94f;
+
+/// Takes triangles out of the leaves that hold these: those of which the lattice leaves no area, and those
+/// that settle_coincident() takes there, flaps of any size. Leaves that are left empty go, but for the last.
+/// Returns for each vertex that is held the first at its place on the lattice; of a cloud nothing.
+std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan, const Lattice& lattice);
+
+/// Gathers the vertices that a level's primitives use, numbered by first use. Those of triangles that are at
+/// one place on the lattice are one, unless their normals or colours differ: two sides of an edge that the
+/// scan has.
+class PrimitiveVertices {
+ public:
+  /// `first_at_place`: drop_collapsed()'s.
+  PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice,
+                    std::span<const std::uint32_t> first_at_place, Scan& to);
+
+  /// The number of the scan's vertex.
+  std::uint32_t add(std::uint32_t vertex);
+
+ private:
+  bool are_alike(std::uint32_t number, Vec3f normal, std::uint32_t vertex) const;
+
+  const Scan& scan_;
+  std::span<const Vec3f> normals_;
+  const Lattice& lattice_;
+  std::span<const std::uint32_t> first_at_place_;
+  Scan& to_;
+  std::vector<std::uint32_t> numbers_;
+  std::vector<std::uint32_t> last_at_place_;  ///< of the scan's vertices that are first there
+  std::vector<std::uint32_t> before_;         ///< of each number the one before it at its place
+};
+
+}  // namespace rbvh
