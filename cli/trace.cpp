@@ -43,7 +43,7 @@ void run_trace(Context& context, const TraceOptions& options) {
   Stopwatch watch;
   check_read_budget(context.memory, options.rays);
   const FloatTable rays = read_npy(options.rays, kRayColumns);
-  const Asset asset = load(context, options.file);
+  const Asset asset = load(context, options.file, {.levels = options.levels});
   check_exact_options(options.exact, exact, asset);
   if (options.cone && !asset.rbvh())
     throw Error(ErrorKind::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");

@@ -7,6 +7,7 @@
 
 #include "io/image_module.h"
 #include "io/output_file.h"
+#include "io/png.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/srgb.h"
@@ -70,28 +71,31 @@ ImageFormat image_format(const std::string& path, Image::Kind kind) {
 void write_image(const std::string& path, const Image& image, bool overwrite) {
   const ImageFormat format = image_format(path, image.kind);
   OutputFile file(path, overwrite);
-  const bool is_exr = format == ImageFormat::kExr;
+  const bool is_color = image.kind == Image::Kind::kColor;
+  if (format == ImageFormat::kPng) {
+    const std::size_t channels = image.channels.size();
+    file.write(encode_png(image.width, image.height, channels, to_bytes(image, channels), is_color));
+    return file.commit();
+  }
   ImageSpec spec;
   spec.width = image.width;
   spec.height = image.height;
   spec.channels = image.channels.size();
-  if (format == ImageFormat::kJpeg && spec.channels == 4) spec.channels = 3;
   // Or OpenImageIO puts the clock's, and no two files are equal.
   spec.attributes = {{"DateTime", "1970:01:01 00:00:00"}};
-  if (is_exr) {
+  std::vector<unsigned char> bytes;
+  if (format == ImageFormat::kExr) {
     spec.type = ImageSpec::Type::kFloat;
     spec.channel_names = image.channels;
     spec.attributes.push_back({"compression", "zip"});
+    bytes = encode_image("openexr", spec, image.pixels.data(), path);
   } else {
+    if (spec.channels == 4) spec.channels = 3;
     spec.attributes.push_back({"oiio:UnassociatedAlpha", 1});
-    if (image.kind == Image::Kind::kColor) spec.attributes.push_back({"oiio:ColorSpace", "sRGB"});
-    if (format == ImageFormat::kJpeg) spec.attributes.push_back({"CompressionQuality", kJpegQuality});
+    if (is_color) spec.attributes.push_back({"oiio:ColorSpace", "sRGB"});
+    spec.attributes.push_back({"CompressionQuality", kJpegQuality});
+    bytes = encode_image("jpeg", spec, to_bytes(image, spec.channels).data(), path);
   }
-  static const char* const kNames[] = {"png", "jpeg", "openexr"};
-  const std::vector<std::uint8_t> pixels =
-      is_exr ? std::vector<std::uint8_t>() : to_bytes(image, spec.channels);
-  const void* const values = is_exr ? static_cast<const void*>(image.pixels.data()) : pixels.data();
-  const std::vector<unsigned char> bytes = encode_image(kNames[static_cast<int>(format)], spec, values, path);
   file.write(std::as_bytes(std::span(bytes)));
   file.commit();
 }

@@ -32,7 +32,7 @@ struct ImageHeader {
   bool is_deep = false, is_integer = false, is_float32 = false;
 };
 
-/// The functions return what went wrong, or nothing. `format`: "png", "jpeg", "openexr" or "tiff".
+/// The functions return what went wrong, or nothing. `format`: "jpeg", "openexr", "tiff", or to decode "png".
 struct ImageModule {
   const char* version;  ///< of the rbvh that it was built with
 

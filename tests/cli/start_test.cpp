@@ -21,12 +21,12 @@ class Start : public ToolTest {
 constexpr const char* kTetrahedron =
     "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 
-TEST_F(Start, LoadsImageLibrariesOnlyForPictures) {
+TEST_F(Start, LoadsOpenImageIoOnlyWhereItIsWanted) {
   write("a.obj", kTetrahedron);
   good("ingest a.obj -o a.ply");
   good("build a.ply --levels Q4 -o a.rbvh");
   for (const std::string words : {"--version", "--help", "build", "devices", "info a.ply", "info a.rbvh",
-                                  "validate a.rbvh", "mesh a.rbvh -o b.ply"}) {
+                                  "validate a.rbvh", "mesh a.rbvh -o b.ply", "render a.rbvh -o a.png"}) {
     const std::string libraries = loaded(words);
     EXPECT_NE(libraries.find("libstdc++"), std::string::npos) << words;
     EXPECT_EQ(libraries.find("OpenImageIO"), std::string::npos) << words;
