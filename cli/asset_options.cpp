@@ -29,8 +29,9 @@ std::uint32_t parse_tessellate(std::string_view text) {
 
 }  // namespace
 
-Asset load(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate) {
-  return load_asset(path, {.memory = context.memory, .tessellate = tessellate}, context.progress.callback());
+Asset load(Context& context, const std::string& path, LoadConfig config) {
+  config.memory = context.memory;
+  return load_asset(path, config, context.progress.callback());
 }
 
 void check_is_pair(const std::string& path) {

@@ -13,7 +13,7 @@
 namespace rbvh {
 
 /// load_asset() under the stage's --memory.
-Asset load(Context& context, const std::string& path, std::optional<std::uint32_t> tessellate = {});
+Asset load(Context& context, const std::string& path, LoadConfig config = {});
 
 /// Throws Error(kInput) for any other file.
 void check_is_pair(const std::string& path);

@@ -14,6 +14,7 @@
 #include "io/name_template.h"
 #include "io/output_file.h"
 #include "io/report_json.h"
+#include "pipeline/device/open_meanwhile.h"
 #include "pipeline/measure/difference.h"
 #include "pipeline/render/shade.h"
 #include "rbvh/render.h"
@@ -115,6 +116,7 @@ class Renderer {
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
     check_budget(context_.memory, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
+    opening_ = open_meanwhile(context_.device);
     for_each_file(context_, options_.files, [this](const std::string& path) { render_file(path); });
     write_report();
   }
@@ -125,7 +127,8 @@ class Renderer {
 
   void render_file(const std::string& path) {
     Stopwatch watch;
-    const Asset asset = load(context_, path, options_.proxies.tessellate);
+    const Asset asset =
+        load(context_, path, {.tessellate = options_.proxies.tessellate, .levels = options_.levels});
     if (!asset.scan() && !options_.compared.empty())
       throw Error(ErrorKind::kUsage, path,
                   std::string("--compare is for scans; this is a ") + (asset.rbvh() ? "pair" : "scene"));
@@ -149,7 +152,7 @@ class Renderer {
     }
     timings_.load += watch.lap();
     if (!device_) {
-      device_ = Device::open(context_.device);
+      device_ = opening_.get();
       context_.report["device"] = device_json(device_->info());
     }
     if (asset.scan()) {
@@ -250,6 +253,7 @@ class Renderer {
   std::set<std::string> names_taken_;
   std::vector<ExactConfig> configs_;  // one, or the two compared
   std::vector<CameraWords> words_;
+  std::future<Device> opening_;
   std::optional<Device> device_;
   StageTimings timings_;
   RenderCounts counts_;

@@ -27,7 +27,7 @@ void run_sample(Context& context, const SampleOptions& options) {
   Stopwatch watch;
   check_read_budget(context.memory, options.points);
   const std::vector<Vec3f> points = read_points(options.points);
-  const Asset pair = load(context, options.file);
+  const Asset pair = load(context, options.file, {.levels = options.levels});
   const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
   const Layer* layer = find_layer(level, options.layer);
   Layer normals;  // a level stores none where its surface has them itself

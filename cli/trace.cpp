@@ -1,5 +1,6 @@
 // rbvh trace: casts the rays of a .npy file and writes what they hit.
 #include <cmath>
+#include <future>
 #include <memory>
 #include <numbers>
 
@@ -10,6 +11,7 @@
 #include "io/npy.h"
 #include "io/output_file.h"
 #include "io/report_json.h"
+#include "pipeline/device/open_meanwhile.h"
 #include "pipeline/trace/ray_table.h"
 
 namespace rbvh {
@@ -41,44 +43,49 @@ void run_trace(Context& context, const TraceOptions& options) {
   check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
   Stopwatch watch;
-  check_read_budget(context.memory, options.rays);
-  const FloatTable rays = read_npy(options.rays, kRayColumns);
-  const Asset asset = load(context, options.file);
+  NpyReader rays(options.rays, kRayColumns);
+  std::future<Device> opening = open_meanwhile(context.device);
+  const Asset asset = load(context, options.file, {.levels = options.levels});
   check_exact_options(options.exact, exact, asset);
   if (options.cone && !asset.rbvh())
     throw Error(ErrorKind::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
   const std::string level = levels_to_cast(context, asset, options.levels, true).front();
   check_leaf_numbers(asset, level);
-  check_budget(context.memory, std::uint64_t{rays.rows} * (rays.columns + kHitColumns) * sizeof(float),
-               options.rays, "its rays and hits");
+  check_budget(context.memory, ray_stream_bytes(rays.rows()), options.rays, "its rays and hits");
   SceneConfig config = options.proxies.scene;
   config.exact = exact;
   check_tracer_budget(context.memory, asset, config);
   const double load_seconds = watch.lap();
 
-  const Device device = Device::open(context.device);
+  const Device device = opening.get();
   const auto spread = static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360));
   const std::unique_ptr<Tracer> tracer = make_tracer(device, asset, level, config, spread);
   device.finish();
   const double upload_seconds = watch.lap();
 
-  RayTableCounts counts;
-  const std::vector<float> table =
-      trace_table(*tracer, rays.values, rays.columns, options.any ? RayQuery::kAny : RayQuery::kNearest,
-                  context.progress.callback(), &counts);
-  write_npy(context.output, table, kHitColumns, context.force);
+  OutputFile file(context.output, context.force);
+  file.write(npy_header(rays.rows(), kHitColumns));
+  const RayStream stream = {.columns = rays.columns(),
+                            .rows = rays.rows(),
+                            .read = [&](std::span<float> to) { return rays.read(to); },
+                            .write = [&](std::span<const float> hits) { file.write(std::as_bytes(hits)); }};
+  const RayTableCounts counts = trace_stream(
+      *tracer, stream, options.any ? RayQuery::kAny : RayQuery::kNearest, context.progress.callback());
+  file.commit();
+  const double trace_seconds = watch.lap();
   if (counts.unusable > 0)
     warn(context, options.rays + ": " + counted(counts.unusable, "ray") +
                       " not finite or without a direction; taken for misses");
   context.report["device"] = device_json(device.info());
   if (asset.scan()) report_exact(context, exact);
   report_proxies(context, *tracer);
-  context.report["timings"] = {{"load", load_seconds}, {"upload", upload_seconds}, {"trace", counts.seconds}};
-  context.report["counts"] = {{"rays", rays.rows},
+  context.report["timings"] = {
+      {"load", load_seconds}, {"upload", upload_seconds}, {"trace", trace_seconds}, {"cast", counts.seconds}};
+  context.report["counts"] = {{"rays", counts.rays},
                               {"hits", counts.hits},
                               {"unusable_rays", counts.unusable},
-                              {"mrays_per_second", mrays_per_second(rays.rows, counts.seconds)}};
-  context.report["bytes"] = table.size() * sizeof(float);
+                              {"mrays_per_second", mrays_per_second(counts.rays, trace_seconds)}};
+  context.report["bytes"] = counts.rays * kHitColumns * sizeof(float);
   context.report["level"] = level;
 }
 

@@ -24,8 +24,9 @@ std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const 
 enum class StoredHeights { kPlain, kDifferences };
 
 /// Fills the texels and stored bytes of `rbvh`, whose levels and layers say what to expect, from the bytes of
-/// an atlas file. Hostile bytes are expected: memory is bounded by 1100 times their number. Throws
-/// Error(kInput), naming `path`.
-void decode_atlas(std::span<const std::byte> file, const std::string& path, StoredHeights stored, Rbvh& rbvh);
+/// an atlas file, which may have more levels only where `among_others`. Hostile bytes are expected: memory is
+/// bounded by 1100 times their number. Throws Error(kInput), naming `path`.
+void decode_atlas(std::span<const std::byte> file, const std::string& path, StoredHeights stored, Rbvh& rbvh,
+                  bool among_others = false);
 
 }  // namespace rbvh

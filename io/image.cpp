@@ -1,14 +1,13 @@
 #include "io/image.h"
 
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
 #include <span>
 
-#include "io/encode_image.h"
+#include "io/image_module.h"
 #include "io/output_file.h"
+#include "io/png.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/srgb.h"
@@ -72,29 +71,31 @@ ImageFormat image_format(const std::string& path, Image::Kind kind) {
 void write_image(const std::string& path, const Image& image, bool overwrite) {
   const ImageFormat format = image_format(path, image.kind);
   OutputFile file(path, overwrite);
-  OIIO::attribute("threads", thread_count());
-  const int width = static_cast<int>(image.width), height = static_cast<int>(image.height);
-  std::size_t channels = image.channels.size();
-  if (format == ImageFormat::kJpeg && channels == 4) channels = 3;
-  OIIO::ImageSpec spec(width, height, static_cast<int>(channels),
-                       format == ImageFormat::kExr ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
-  spec.attribute("DateTime",
-                 "1970:01:01 00:00:00");  // or OpenImageIO puts the clock's, and no two files are equal
-  if (format == ImageFormat::kExr) {
-    spec.channelnames = image.channels;
-    spec.alpha_channel = -1;
-    spec.attribute("compression", "zip");
-  } else {
-    spec.attribute("oiio:UnassociatedAlpha", 1);
-    if (image.kind == Image::Kind::kColor) spec.attribute("oiio:ColorSpace", "sRGB");
-    if (format == ImageFormat::kJpeg) spec.attribute("CompressionQuality", kJpegQuality);
+  const bool is_color = image.kind == Image::Kind::kColor;
+  if (format == ImageFormat::kPng) {
+    const std::size_t channels = image.channels.size();
+    file.write(encode_png(image.width, image.height, channels, to_bytes(image, channels), is_color));
+    return file.commit();
   }
-  static const char* const kNames[] = {"png", "jpeg", "openexr"};
-  const char* const name = kNames[static_cast<int>(format)];
-  const std::vector<unsigned char> bytes =
-      format == ImageFormat::kExr
-          ? encode_image(name, spec, OIIO::TypeDesc::FLOAT, image.pixels.data(), path)
-          : encode_image(name, spec, OIIO::TypeDesc::UINT8, to_bytes(image, channels).data(), path);
+  ImageSpec spec;
+  spec.width = image.width;
+  spec.height = image.height;
+  spec.channels = image.channels.size();
+  // Or OpenImageIO puts the clock's, and no two files are equal.
+  spec.attributes = {{"DateTime", "1970:01:01 00:00:00"}};
+  std::vector<unsigned char> bytes;
+  if (format == ImageFormat::kExr) {
+    spec.type = ImageSpec::Type::kFloat;
+    spec.channel_names = image.channels;
+    spec.attributes.push_back({"compression", "zip"});
+    bytes = encode_image("openexr", spec, image.pixels.data(), path);
+  } else {
+    if (spec.channels == 4) spec.channels = 3;
+    spec.attributes.push_back({"oiio:UnassociatedAlpha", 1});
+    if (is_color) spec.attributes.push_back({"oiio:ColorSpace", "sRGB"});
+    spec.attributes.push_back({"CompressionQuality", kJpegQuality});
+    bytes = encode_image("jpeg", spec, to_bytes(image, spec.channels).data(), path);
+  }
   file.write(std::as_bytes(std::span(bytes)));
   file.commit();
 }

@@ -1,4 +1,5 @@
-// Pictures out, by OpenImageIO: PNG, JPEG or EXR by the name's extension. Equal pictures give equal bytes.
+// Pictures out, by the name's extension: PNG by io/png.h, JPEG and EXR by OpenImageIO. Equal pictures give
+// equal bytes.
 #pragma once
 
 #include <string>

@@ -3,7 +3,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -19,6 +22,29 @@ struct InputBytes {
 /// Reads `path` ("-": standard input) to its end. Throws Error(kInput) when it is missing, a folder, or
 /// unreadable, Error(kBudget) when memory does not hold it.
 InputBytes read_input(const std::string& path);
+
+/// The same bytes, read piece by piece.
+class InputStream {
+ public:
+  explicit InputStream(const std::string& path);
+  ~InputStream();
+  InputStream(const InputStream&) = delete;
+  InputStream& operator=(const InputStream&) = delete;
+
+  const std::string& name() const { return name_; }
+  std::optional<std::uint64_t> file_bytes() const {
+    return file_bytes_;
+  }  ///< of a regular file that is named
+  /// Fills `to`, or less at the end; how much.
+  std::size_t read(std::span<std::byte> to);
+  std::uint64_t skip();  ///< all that follow; how many
+
+ private:
+  std::string name_;
+  int fd_ = -1;
+  std::uint64_t at_ = 0;
+  std::optional<std::uint64_t> file_bytes_;
+};
 
 /// How an input is named in messages: its path, or "standard input".
 std::string input_name(const std::string& path);

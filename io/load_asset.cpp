@@ -1,5 +1,6 @@
 #include "io/load_asset.h"
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -13,6 +14,7 @@
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/ingest.h"
 #include "pipeline/scene/asset_content.h"
+#include "pipeline/trace/make_tracer.h"
 
 namespace rbvh {
 namespace {
@@ -37,6 +39,12 @@ std::uint64_t bytes_to_read(const std::string& path) {
   if (is_rbvh(path)) return file_bytes(path) * kPairBytesPerFileByte + file_bytes(atlas_path(path));
   if (is_proxy(path)) return (file_bytes(path) + file_bytes(proxy_map_path(path))) * kProxyBytesPerFileByte;
   return file_bytes(path) * kScanBytesPerFileByte;
+}
+
+/// What config.levels leaves of a pair.
+LevelFilter wanted_levels(const std::string& path, const LoadConfig& config) {
+  if (!config.levels || config.levels == std::vector<std::string>{"auto"}) return {};
+  return [&](const std::vector<std::string>& names) { return choose_levels(names, *config.levels, path); };
 }
 
 /// A proxy or, where it is to be tessellated, a scan.
@@ -64,13 +72,16 @@ SceneObject load_object(const SceneFile::Object& file, const LoadConfig& config,
                 "object \"" + file.name + "\" names a level, and this is no pair");
   SceneObject object;
   if (is_pair) {
-    Rbvh rbvh = load_pair(file.path, config.memory);
-    const Level* level = rbvh.find_level(file.level);
-    if (level == nullptr)
-      throw Error(ErrorKind::kInput, file.path,
-                  "there is no level '" + file.level + "' for object \"" + file.name + "\"");
+    const LevelFilter choose = [&](const std::vector<std::string>& names) {
+      if (file.level.empty()) return std::vector{names.front()};
+      if (std::find(names.begin(), names.end(), file.level) == names.end())
+        throw Error(ErrorKind::kInput, file.path,
+                    "there is no level '" + file.level + "' for object \"" + file.name + "\"");
+      return std::vector{file.level};
+    };
+    Rbvh rbvh = load_pair(file.path, config.memory, nullptr, choose);
     object.bounds = rbvh.source.bounds;
-    object.content = std::move(rbvh.levels[static_cast<std::size_t>(level - rbvh.levels.data())]);
+    object.content = std::move(rbvh.levels.front());
   } else if (is_proxy(file.path)) {
     object = load_proxy_object(file.path, config);
   } else {
@@ -108,10 +119,11 @@ bool is_rbvh(const std::string& path) {
   return std::memcmp(start + 4, "RBVH", 4) == 0;  // where FlatBuffers keep their file identifier
 }
 
-Rbvh load_pair(const std::string& path, const MemoryBudget& memory, PairHeader* header) {
+Rbvh load_pair(const std::string& path, const MemoryBudget& memory, PairHeader* header,
+               const LevelFilter& choose) {
   const std::uint64_t read = bytes_to_read(path);
   check_budget(memory, read, path, "reading it");
-  return read_rbvh(path, header, [&](const Rbvh& rbvh) {
+  const auto check = [&](const Rbvh& rbvh) {
     std::uint64_t texels = 0;  // bytes of them; the heights are on the device, too
     for (const Level& level : rbvh.levels) {
       texels += std::uint64_t{level.atlas_width} * level.atlas_height * sizeof(std::uint16_t);
@@ -121,7 +133,8 @@ Rbvh load_pair(const std::string& path, const MemoryBudget& memory, PairHeader* 
       }
     }
     check_budget(memory, read + texels, path, "reading it");
-  });
+  };
+  return read_rbvh(path, header, check, choose);
 }
 
 Scan load_scan(const std::string& path, const MemoryBudget& memory, const Progress& progress) {
@@ -151,7 +164,8 @@ Asset load_proxy_asset(const std::string& path, const LoadConfig& config) {
 }  // namespace
 
 Asset load_asset(const std::string& path, const LoadConfig& config, const Progress& progress) {
-  Asset asset = is_rbvh(path)                   ? make_asset(load_pair(path, config.memory))
+  Asset asset = is_rbvh(path)
+                    ? make_asset(load_pair(path, config.memory, nullptr, wanted_levels(path, config)))
                 : is_scene(path)                ? make_asset(load_scene(path, config, progress))
                 : path != "-" && is_proxy(path) ? load_proxy_asset(path, config)
                                                 : make_asset(load_scan(path, config.memory, progress));

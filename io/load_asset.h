@@ -14,7 +14,8 @@ namespace rbvh {
 bool is_rbvh(const std::string& path);
 
 /// Reads a pair, its texels once it is known that there is memory for them.
-Rbvh load_pair(const std::string& path, const MemoryBudget& memory = {}, PairHeader* header = nullptr);
+Rbvh load_pair(const std::string& path, const MemoryBudget& memory = {}, PairHeader* header = nullptr,
+               const LevelFilter& choose = {});
 
 /// The scan that `pair` is to be measured against, in the pair's coordinates.
 Asset load_reference(const std::string& path, const Rbvh& pair, const MemoryBudget& memory = {},

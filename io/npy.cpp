@@ -3,6 +3,7 @@
 // {'descr': '<f4', 'fortran_order': False, 'shape': (3, 6), }, padded with spaces to a newline), the values.
 #include "io/npy.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <limits>
@@ -18,6 +19,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kHeaderAlignment = 64;
+constexpr std::size_t kLongestHeader = 1 << 20;
 
 struct Header {
   std::string descr;
@@ -136,9 +138,15 @@ std::uint32_t little_endian(std::string_view bytes) {
   return value;
 }
 
-}  // namespace
+struct Shape {
+  std::uint64_t rows = 0, columns = 0;
+  std::size_t data_at = 0;  ///< bytes before the values
 
-FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns) {
+  std::uint64_t row_bytes() const { return columns * sizeof(float); }
+};
+
+/// From bytes that hold the header, or all there are.
+Shape parse_shape(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns) {
   const auto refuse = [&](const std::string& what) { return Error(ErrorKind::kInput, name, what); };
   if (!bytes.starts_with(kMagic)) throw refuse("is no .npy file: it does not begin with \\x93NUMPY");
   if (bytes.size() < 8)
@@ -160,29 +168,75 @@ FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span
     throw refuse("has values of type '" + header->descr.substr(0, 16) +
                  "'; '<f4' is wanted: save it with array.astype('<f4')");
   if (header->fortran_order) throw refuse("is in Fortran order; save it with numpy.ascontiguousarray(array)");
-  bool fits = header->shape.size() == 2;
-  if (fits) {
-    fits = false;
-    for (const std::size_t c : columns) fits = fits || header->shape[1] == c;
-  }
-  if (!fits)
+  if (header->shape.size() != 2 ||
+      std::find(columns.begin(), columns.end(), header->shape[1]) == columns.end())
     throw refuse("has the shape " + shape_text(header->shape) + "; " + columns_text(columns) + " is wanted");
+  return {header->shape[0], header->shape[1], data_at};
+}
 
+/// Holds the rows against the bytes that there are for them.
+void check_length(const Shape& shape, std::uint64_t there, const std::string& name) {
+  if (shape.rows > there / shape.row_bytes())
+    throw Error(ErrorKind::kInput, name,
+                "is cut: " + std::to_string(shape.rows) + " rows are announced and " +
+                    std::to_string(there / shape.row_bytes()) + " whole ones are there");
+  if (const std::uint64_t wanted = shape.rows * shape.row_bytes(); wanted != there)
+    throw Error(ErrorKind::kInput, name,
+                "has " + std::to_string(there - wanted) + " bytes too many after its " +
+                    std::to_string(shape.rows) + " rows, from byte " +
+                    std::to_string(shape.data_at + wanted));
+}
+
+/// How many bytes the header has, by its first twelve; 0: not to be told.
+std::size_t header_bytes(std::string_view start) {
+  if (start.size() < 12 || !start.starts_with(kMagic)) return 0;
+  const std::size_t length_bytes = start[6] == 1 ? 2 : 4;
+  return 8 + length_bytes + little_endian(start.substr(8, length_bytes));
+}
+
+}  // namespace
+
+FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns) {
+  const Shape shape = parse_shape(bytes, name, columns);
+  check_length(shape, bytes.size() - shape.data_at, name);
   FloatTable table;
-  const std::uint64_t there = bytes.size() - data_at, row_bytes = header->shape[1] * sizeof(float);
-  if (header->shape[0] > there / row_bytes)
-    throw refuse("is cut: " + std::to_string(header->shape[0]) + " rows are announced and " +
-                 std::to_string(there / row_bytes) + " whole ones are there");
-  if (header->shape[0] * row_bytes != there)
-    throw refuse("has " + std::to_string(there - header->shape[0] * row_bytes) +
-                 " bytes too many after its " + std::to_string(header->shape[0]) + " rows, from byte " +
-                 std::to_string(data_at + header->shape[0] * row_bytes));
-  table.rows = static_cast<std::size_t>(header->shape[0]);
-  table.columns = static_cast<std::size_t>(header->shape[1]);
+  table.rows = static_cast<std::size_t>(shape.rows);
+  table.columns = static_cast<std::size_t>(shape.columns);
   table.values.resize(table.rows * table.columns);
   if (!table.values.empty())
-    std::memcpy(table.values.data(), bytes.data() + data_at, static_cast<std::size_t>(there));
+    std::memcpy(table.values.data(), bytes.data() + shape.data_at, table.values.size() * sizeof(float));
   return table;
+}
+
+NpyReader::NpyReader(const std::string& path, std::span<const std::size_t> columns) : input_(path) {
+  std::string start(12, '\0');
+  start.resize(input_.read(std::as_writable_bytes(std::span(start))));
+  if (start.empty()) throw Error(ErrorKind::kInput, input_.name(), "is empty");
+  if (const std::size_t all = header_bytes(start); all > start.size()) {
+    if (all > kLongestHeader)
+      throw Error(ErrorKind::kInput, input_.name(),
+                  "has a header of " + std::to_string(all) + " bytes, which is no array's");
+    start.resize(all);
+    start.resize(12 + input_.read(std::as_writable_bytes(std::span(start).subspan(12))));
+  }
+  const Shape shape = parse_shape(start, input_.name(), columns);
+  if (const auto size = input_.file_bytes()) check_length(shape, *size - shape.data_at, input_.name());
+  rows_ = shape.rows;
+  columns_ = static_cast<std::size_t>(shape.columns);
+  data_at_ = shape.data_at;
+}
+
+std::size_t NpyReader::read(std::span<float> to) {
+  const Shape shape{rows_, columns_, data_at_};
+  const std::uint64_t left = rows_ - bytes_read_ / shape.row_bytes();
+  const auto rows = static_cast<std::size_t>(std::min<std::uint64_t>(to.size() / columns_, left));
+  const std::size_t got = input_.read(std::as_writable_bytes(to.first(rows * columns_)));
+  bytes_read_ += got;
+  if (got < rows * shape.row_bytes()) check_length(shape, bytes_read_, input_.name());
+  std::byte more[1];
+  if (rows == left && input_.read(more) > 0)
+    check_length(shape, bytes_read_ + 1 + input_.skip(), input_.name());
+  return rows;
 }
 
 FloatTable read_npy(const std::string& path, std::span<const std::size_t> columns) {
@@ -199,19 +253,22 @@ std::vector<Vec3f> read_points(const std::string& path) {
   return points;
 }
 
-void write_npy(const std::string& path, std::span<const float> values, std::size_t columns, bool overwrite) {
-  RBVH_CHECK(columns > 0 && values.size() % columns == 0);
-  std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
-                       std::to_string(values.size() / columns) + ", " + std::to_string(columns) + "), }";
+std::string npy_header(std::uint64_t rows, std::size_t columns) {
+  std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + std::to_string(rows) + ", " +
+                       std::to_string(columns) + "), }";
   const std::size_t before = kMagic.size() + 4, used = before + header.size() + 1;
   header.append((kHeaderAlignment - used % kHeaderAlignment) % kHeaderAlignment, ' ');
   header += '\n';
   std::string bytes(kMagic);
   bytes += {'\x01', '\x00', static_cast<char>(header.size() & 255), static_cast<char>(header.size() >> 8)};
-  bytes += header;
-  bytes.append(reinterpret_cast<const char*>(values.data()), values.size_bytes());
+  return bytes + header;
+}
+
+void write_npy(const std::string& path, std::span<const float> values, std::size_t columns, bool overwrite) {
+  RBVH_CHECK(columns > 0 && values.size() % columns == 0);
   OutputFile file(path, overwrite);
-  file.write(bytes);
+  file.write(npy_header(values.size() / columns, columns));
+  file.write(std::as_bytes(values));
   file.commit();
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/input_file.h"
 #include "rbvh/geometry.h"
 
 namespace rbvh {
@@ -27,8 +28,27 @@ FloatTable read_npy(const std::string& path, std::span<const std::size_t> column
 /// The same from bytes in memory; `name` is for messages.
 FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns);
 
+/// read_npy() piece by piece. Throws as it does; a file's length is checked at once, a stream's at its end.
+class NpyReader {
+ public:
+  NpyReader(const std::string& path, std::span<const std::size_t> columns);
+
+  std::uint64_t rows() const { return rows_; }
+  std::size_t columns() const { return columns_; }
+  /// The next rows, as many as `to` holds or there are; their number.
+  std::size_t read(std::span<float> to);
+
+ private:
+  InputStream input_;
+  std::uint64_t rows_ = 0, bytes_read_ = 0;
+  std::size_t columns_ = 0, data_at_ = 0;
+};
+
 /// read_npy() of a table of three columns as points.
 std::vector<Vec3f> read_points(const std::string& path);
+
+/// What a file of so many rows begins with.
+std::string npy_header(std::uint64_t rows, std::size_t columns);
 
 /// Writes values.size() / columns rows ("-": standard output) as numpy.save would. Throws Error(kFailure).
 void write_npy(const std::string& path, std::span<const float> values, std::size_t columns, bool overwrite);

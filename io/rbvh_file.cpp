@@ -117,13 +117,24 @@ Level to_level(const file::Level& from, double area, const std::string& path) {
       .triangles = to_vector<std::uint8_t>(s.triangles()),
   };
   const file::Counts& c = *from.counts();
-  if (!is_name(level.name))  // it becomes a part of messages
-    refuse(path,
-           "is malformed: a level has a name that is not letters, digits, _ and -" + std::string(kRebuild));
   decode_streams(streams, {c.leaves(), c.primitive_leaves(), c.vertices(), c.triangles()}, area, path, level);
   level.streams = bytes_by_stream(streams);
   level.stored_bytes = stream_bytes(streams) + layer_tile_bytes(level) + from.atlas_bytes();
   return level;
+}
+
+/// Those of the names, which become parts of messages, that are wanted.
+std::vector<std::string> choose_names(const std::vector<std::string>& names, const std::string& path,
+                                      const LevelFilter& choose) {
+  for (const std::string& name : names)
+    if (!is_name(name))
+      refuse(path,
+             "is malformed: a level has a name that is not letters, digits, _ and -" + std::string(kRebuild));
+  return choose && !names.empty() ? choose(names) : names;
+}
+
+bool contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
 }
 
 // An object, and shallow enough to be traversed by recursion.
@@ -290,14 +301,19 @@ std::string atlas_path(const std::string& rbvh_path) {
   return std::filesystem::path(rbvh_path).replace_extension(".atlas.tif").string();
 }
 
-Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path, PairHeader& header) {
+Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path, PairHeader& header,
+                      const LevelFilter& choose) {
   const file::Seal& seal = check_seal(bytes, path);
   const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
   flatbuffers::Verifier verifier(data, bytes.size(), /*max_depth=*/8,
                                  /*max_tables=*/1 + 2 + kMaxLevels * (2 + kMaxLayers));
   Rbvh rbvh;
+  std::vector<std::string> names;
   if (seal.major() == 1) {
     rbvh = decode_hierarchy_v1(bytes, verifier, path, header);
+    for (const Level& level : rbvh.levels) names.push_back(level.name);
+    const std::vector<std::string> wanted = choose_names(names, path, choose);
+    std::erase_if(rbvh.levels, [&](const Level& level) { return !contains(wanted, level.name); });
   } else {
     if (!file::VerifyPairBuffer(verifier))
       refuse(path, "is malformed: its tables do not hang together" + std::string(kRebuild));
@@ -308,12 +324,16 @@ Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path,
     take_pair(pair, rbvh, header);
     if (!(rbvh.source.area >= 0) || !std::isfinite(rbvh.source.area))
       refuse(path, "is malformed: the source has an area that is not finite" + std::string(kRebuild));
+    for (const file::Level* level : *pair.levels()) names.push_back(level->name()->str());
+    const std::vector<std::string> wanted = choose_names(names, path, choose);
     for (const file::Level* level : *pair.levels())
-      rbvh.levels.push_back(to_level(*level, rbvh.source.area, path));
+      if (contains(wanted, level->name()->str()))
+        rbvh.levels.push_back(to_level(*level, rbvh.source.area, path));
   }
   if (!are_build_options(rbvh.build_options))
     refuse(path, "is malformed: its build options are no JSON object" + std::string(kRebuild));
   if (const auto fault = find_fault(rbvh)) refuse(path, "is malformed: " + *fault + kRebuild);
+  header.levels = names.size();
   header.major = seal.major();
   header.minor = seal.minor();
   header.hierarchy_bytes = seal.length();
@@ -321,7 +341,8 @@ Rbvh decode_hierarchy(std::span<const std::byte> bytes, const std::string& path,
   return rbvh;
 }
 
-Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<void(const Rbvh&)>& check) {
+Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<void(const Rbvh&)>& check,
+               const LevelFilter& choose) {
   if (path == "-") refuse("standard input", "is one stream, and a pair is two files; name the .rbvh");
   PairHeader own;
   PairHeader& head = header != nullptr ? *header : own;
@@ -332,13 +353,14 @@ Rbvh read_rbvh(const std::string& path, PairHeader* header, const std::function<
     Rbvh rbvh;
     {
       const InputBytes hierarchy = read_input(path);
-      rbvh = decode_hierarchy(bytes_of(hierarchy), path, head);
+      rbvh = decode_hierarchy(bytes_of(hierarchy), path, head, choose);
     }
     if (check) check(rbvh);
     if (const auto atlas = find_part(atlas_paths, head.atlas_bytes, head.atlas_hash)) {
       head.atlas_file = atlas->path;
       decode_atlas(bytes_of(atlas->bytes), atlas->path,
-                   head.major == 1 ? StoredHeights::kPlain : StoredHeights::kDifferences, rbvh);
+                   head.major == 1 ? StoredHeights::kPlain : StoredHeights::kDifferences, rbvh,
+                   rbvh.levels.size() < head.levels);
       if (head.major == 1) give_vertices_attributes(rbvh);
       return rbvh;
     }

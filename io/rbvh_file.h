@@ -26,18 +26,24 @@ struct PairHeader {
   std::uint16_t major = 0, minor = 0;
   std::uint64_t hierarchy_bytes = 0, hierarchy_hash = 0;
   std::uint64_t atlas_bytes = 0, atlas_hash = 0;
+  std::size_t levels = 0;  ///< all, those that were not read too
   std::string atlas_file;  ///< where it was found: atlas_path(), or what addressed_path() makes of that
 };
+
+/// Which of a pair's levels are read: their names, of all names. May throw.
+using LevelFilter = std::function<std::vector<std::string>(const std::vector<std::string>& names)>;
 
 /// Reads and checks a pair: identifier, length, hash, version, verifier, every range, the atlas's length,
 /// hash and geometry. Where a writer replaces the pair meanwhile, the result is the old one or the new one.
 /// Hostile input is expected. Throws Error(kInput) naming the first fault in a sentence. `check` sees the
-/// pair when it has no texels yet, and may throw; it may be called again.
+/// pair when it has no texels yet, and may throw; it may be called again. Levels that `choose`, if given,
+/// leaves out are neither decoded nor checked, and not in the result.
 Rbvh read_rbvh(const std::string& path, PairHeader* header = nullptr,
-               const std::function<void(const Rbvh&)>& check = {});
+               const std::function<void(const Rbvh&)>& check = {}, const LevelFilter& choose = {});
 
 /// As read_rbvh, but of the hierarchy alone: layers have no texels yet. `path` is for messages.
-Rbvh decode_hierarchy(std::span<const std::byte> file, const std::string& path, PairHeader& header);
+Rbvh decode_hierarchy(std::span<const std::byte> file, const std::string& path, PairHeader& header,
+                      const LevelFilter& choose = {});
 
 struct RbvhBytes {
   std::uint64_t hierarchy = 0, atlas = 0;

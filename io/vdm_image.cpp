@@ -1,8 +1,5 @@
 #include "io/vdm_image.h"
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -10,7 +7,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "io/encode_image.h"
+#include "io/image_module.h"
 #include "io/input_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -152,20 +149,25 @@ class StderrAside {
 
 std::vector<unsigned char> encode_vdm_exr(const std::string& path, const std::vector<Vec3f>& map,
                                           std::uint32_t width, std::uint32_t height) {
-  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), 3, OIIO::TypeFloat);
-  spec.channelnames = {"R", "G", "B"};
-  spec.alpha_channel = -1;
-  spec.attribute("compression", "zip");
-  // Left alone, these would tell the time and the library's version: identical work gives identical bytes.
-  spec.attribute("DateTime", "1970:01:01 00:00:00");
-  spec.attribute("Software", "rbvh");
-  spec.attribute("oiio:ColorSpace", "Raw");
-  spec.attribute("ImageDescription", "vector displacement: one square tile a quad, see the .vdm.json beside");
-  spec.attribute("vdm:space", "object");
-  spec.attribute("vdm:order", "xyz");
-  spec.attribute("vdm:scale", 1.f);
-  spec.attribute("vdm:midlevel", 0.f);
-  return encode_image("openexr", spec, OIIO::TypeFloat, map.data(), path);
+  const ImageSpec spec{
+      .width = width,
+      .height = height,
+      .channels = 3,
+      .channel_names = {"R", "G", "B"},
+      .type = ImageSpec::Type::kFloat,
+      // Left alone, DateTime and Software would tell the time and the library's version: identical work gives
+      // identical bytes.
+      .attributes = {
+          {"compression", "zip"},
+          {"DateTime", "1970:01:01 00:00:00"},
+          {"Software", "rbvh"},
+          {"oiio:ColorSpace", "Raw"},
+          {"ImageDescription", "vector displacement: one square tile a quad, see the .vdm.json beside"},
+          {"vdm:space", "object"},
+          {"vdm:order", "xyz"},
+          {"vdm:scale", 1.f},
+          {"vdm:midlevel", 0.f}}};
+  return encode_image("openexr", spec, map.data(), path);
 }
 
 std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path, std::uint32_t width,
@@ -175,23 +177,19 @@ std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path
     refuse(path, "is too small (" + std::to_string(file.size()) + " bytes) for the " +
                      std::to_string(texels) + " texels that its sidecar claims");
   if (!exr_headers_fit(file)) refuse(path, "is no EXR that can be read (its header is cut)");
-  const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create("openexr");
-  if (in == nullptr) refuse(path, "cannot be read: " + OIIO::geterror());
-  in->threads(thread_count());
-  // OpenImageIO only reads through it, whatever its parameter's type.
-  OIIO::Filesystem::IOMemReader reader(const_cast<char*>(file.data()), file.size());
-  OIIO::ImageSpec spec;
-  if (!in->set_ioproxy(&reader) || !in->open("map.exr", spec))
-    refuse(path, "is no EXR that can be read (" + in->geterror() + ")");
-  if (spec.width != static_cast<int>(width) || spec.height != static_cast<int>(height) || spec.depth != 1 ||
-      spec.deep || spec.tile_width > 4096 || spec.tile_height > 4096)
-    refuse(path, "is not the " + std::to_string(width) + " x " + std::to_string(height) +
-                     " texels that its sidecar claims");
-  if (spec.channelnames != std::vector<std::string>{"R", "G", "B"} || spec.format != OIIO::TypeFloat)
-    refuse(path, "does not have the channels R, G, B of 32-bit floats");
-  std::vector<Vec3f> map(texels);
-  if (!in->read_image(0, 0, 0, 3, OIIO::TypeFloat, map.data()))
-    refuse(path, "cannot be decoded (" + in->geterror() + ")");
+  std::vector<Vec3f> map;
+  const auto place = [&](const ImageHeader& header) {
+    if (header.width != static_cast<int>(width) || header.height != static_cast<int>(height) ||
+        header.depth != 1 || header.is_deep || header.tile_width > 4096 || header.tile_height > 4096)
+      refuse(path, "is not the " + std::to_string(width) + " x " + std::to_string(height) +
+                       " texels that its sidecar claims");
+    if (header.channels != std::vector<std::string>{"R", "G", "B"} || !header.is_float32)
+      refuse(path, "does not have the channels R, G, B of 32-bit floats");
+    map.resize(texels);
+    return &map[0].x;
+  };
+  const std::string fault = image_module(path).decode("openexr", file, place, thread_count());
+  if (!fault.empty()) refuse(path, fault);
   return map;
 }
 
@@ -208,15 +206,15 @@ const char* format_of(std::string_view bytes) {
 
 // Which channels hold the vector: R, G, B by name wherever they are, else the first three. Empty: neither one
 // nor three.
-std::vector<int> vector_channels(const OIIO::ImageSpec& spec) {
-  std::vector<int> found;
+std::vector<std::size_t> vector_channels(const std::vector<std::string>& names) {
+  std::vector<std::size_t> found;
   for (const char* name : {"R", "G", "B"}) {
-    const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), name);
-    if (at != spec.channelnames.end()) found.push_back(static_cast<int>(at - spec.channelnames.begin()));
+    const auto at = std::find(names.begin(), names.end(), name);
+    if (at != names.end()) found.push_back(static_cast<std::size_t>(at - names.begin()));
   }
   if (found.size() == 3) return found;
-  if (spec.nchannels == 1) return {0};
-  if (spec.nchannels == 3) return {0, 1, 2};
+  if (names.size() == 1) return {0};
+  if (names.size() == 3) return {0, 1, 2};
   return {};
 }
 
@@ -238,37 +236,34 @@ VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
   if (format == std::string_view("openexr") && !exr_headers_fit(file)) refuse_map("is cut in its header");
   if (format == std::string_view("png") && !png_chunks_fit(file)) refuse_map("is cut in one of its chunks");
   const StderrAside aside;
-  const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
-  if (in == nullptr) refuse_map("cannot be read: " + OIIO::geterror());
-  in->threads(thread_count());
-  OIIO::Filesystem::IOMemReader reader(const_cast<char*>(file.data()), file.size());
-  OIIO::ImageSpec spec, config;
-  config.attribute("oiio:UnassociatedAlpha", 1);
-  if (!in->set_ioproxy(&reader) || !in->open(std::string("map.") + format, spec, config))
-    refuse_map("cannot be read (" + in->geterror() + ")");
-  const std::vector<int> channels = vector_channels(spec);
-  if (channels.empty() || spec.deep || spec.depth > 1)
-    refuse_map("has " + std::to_string(spec.nchannels) +
-               " channels; one (heights along the normal) or R, G and B (vectors) are wanted");
-  const std::uint64_t texels =
-      static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height);
-  const auto all = static_cast<std::size_t>(spec.nchannels);
-  if (spec.width <= 0 || spec.height <= 0 || spec.width > (1 << 16) || spec.height > (1 << 16) || all > 64 ||
-      texels * all > kMaxExpansion * file.size())
-    refuse_map("claims " + std::to_string(spec.width) + " x " + std::to_string(spec.height) +
-               " texels, more than it has bytes for");
-  std::vector<float> values(texels * all);
-  if (!in->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, values.data()))
-    refuse_map("cannot be decoded (" + in->geterror() + ")");
   VdmMap map;
-  map.width = static_cast<std::uint32_t>(spec.width);
-  map.height = static_cast<std::uint32_t>(spec.height);
+  std::vector<std::size_t> channels;
+  std::vector<float> values;
+  std::size_t all = 0;  // channels
+  const auto place = [&](const ImageHeader& header) {
+    channels = vector_channels(header.channels);
+    all = header.channels.size();
+    if (channels.empty() || header.is_deep || header.depth > 1)
+      refuse_map("has " + std::to_string(all) +
+                 " channels; one (heights along the normal) or R, G and B (vectors) are wanted");
+    map.width = static_cast<std::uint32_t>(header.width);
+    map.height = static_cast<std::uint32_t>(header.height);
+    if (header.width <= 0 || header.height <= 0 || header.width > (1 << 16) || header.height > (1 << 16) ||
+        all > 64 || std::uint64_t{map.width} * map.height * all > kMaxExpansion * file.size())
+      refuse_map("claims " + std::to_string(header.width) + " x " + std::to_string(header.height) +
+                 " texels, more than it has bytes for");
+    map.is_integer = header.is_integer;
+    values.resize(std::size_t{map.width} * map.height * all);
+    return values.data();
+  };
+  const std::string fault = image_module(path).decode(format, file, place, thread_count());
+  if (!fault.empty()) refuse_map(fault);
+  const std::size_t texels = std::size_t{map.width} * map.height;
   map.channels = static_cast<std::uint32_t>(channels.size());
-  map.is_integer = !spec.format.is_floating_point();
   map.values.resize(texels * map.channels);
   for (std::size_t i = 0; i < texels; ++i)
     for (std::size_t c = 0; c < map.channels; ++c)
-      map.values[i * map.channels + c] = values[i * all + static_cast<std::size_t>(channels[c])];
+      map.values[i * map.channels + c] = values[i * all + channels[c]];
   return map;
 }
 

@@ -42,14 +42,18 @@ Asset make_asset(Scan&& scan, const std::string& name = {});
 std::vector<std::string> level_names(const Asset& asset);
 
 struct LoadConfig {
-  MemoryBudget memory;
+  MemoryBudget memory{};
   /// Proxies become triangles, up to 2^tessellate micro-quads a side of a patch.
-  std::optional<std::uint32_t> tessellate;
+  std::optional<std::uint32_t> tessellate{};
+  /// Of a pair, the levels to read: by name, or "all", or "auto", which is all; none: the finest. Not set:
+  /// all.
+  std::optional<std::vector<std::string>> levels{};
 };
 
 /// Reads a pair, a scan of any format ("-": from standard input), a proxy (an .obj beside its other files),
 /// or a scene (.json) with all its objects. The file may be hostile. A cloud gets the normals and radii that
-/// it lacks. Throws Error(kInput), and Error(kBudget) before more memory is taken than allowed.
+/// it lacks. Throws Error(kInput), Error(kUsage) for a level that is not there, and
+/// Error(kBudget) before more memory is taken than allowed.
 Asset load_asset(const std::string& path, const LoadConfig& config = {}, const Progress& progress = {});
 
 }  // namespace rbvh

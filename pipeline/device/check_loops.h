@@ -6,7 +6,11 @@
 
 namespace rbvh::device_detail {
 
-/// Runs a loop of more iterations, once a process for each device. Throws Error(kDevice).
-void check_loops(const Device& device);
+/// Whether check_loops() has passed in this process.
+bool are_loops_checked(const Device& device);
+
+/// Runs a loop of more iterations: `kernel` is check_loops, which every program has
+/// (kernels/common/check_loops.cl). Throws Error(kDevice).
+void check_loops(const Device& device, const Kernel& kernel);
 
 }  // namespace rbvh::device_detail

@@ -174,8 +174,11 @@ constexpr const char* kNoAbiWarnings =
     "#pragma clang diagnostic ignored \"-Wpsabi\"\n"
     "#endif\n";
 
+constexpr const char* kCheckLoops = "common/check_loops.cl";
+
 cl::Program build_program(DeviceState& state, const std::string& file, const std::string& options) {
-  const std::string source = kNoAbiWarnings + kernel_source(file);
+  // With the check of loops: in a program of its own that would cost half of what opening a device takes.
+  const std::string source = kNoAbiWarnings + kernel_source(file) + kernel_source(kCheckLoops);
   const CompileNotice notice(state.info);
   cl::Program program =
       guarded(state.info, "kernels/" + file, [&] { return cl::Program(state.context, source); });
@@ -238,7 +241,6 @@ Device Device::open(const std::string& choice) {
     state.context = cl::Context(state.device);
     state.queue = cl::CommandQueue(state.context, state.device);
   });
-  device_detail::check_loops(device);
   return device;
 }
 
@@ -259,20 +261,28 @@ Device Device::as_gpu() const {
 
 Kernel Device::kernel(std::string_view file, std::string_view entry, const std::string& options) const {
   const std::string name = std::string(file) + ".cl";
-  Kernel kernel;
-  kernel.state_ = std::make_shared<KernelState>();
-  KernelState& state = *kernel.state_;
-  state.device = state_;
-  state.entry = entry;
-  state.program = name + " " + options;
-  const std::lock_guard lock(state_->mutex);
-  auto at = state_->programs.find(state.program);
-  if (at == state_->programs.end()) {
-    at = state_->programs.emplace(state.program, build_program(*state_, name, options)).first;
+  const std::string key = name + " " + options;
+  cl::Program program;
+  {
+    const std::lock_guard lock(state_->mutex);
+    auto at = state_->programs.find(key);
+    if (at == state_->programs.end())
+      at = state_->programs.emplace(key, build_program(*state_, name, options)).first;
+    program = at->second;
   }
-  guarded(state_->info, "kernels/" + name + ": " + state.entry,
-          [&] { state.kernel = cl::Kernel(at->second, state.entry.c_str()); });
-  return kernel;
+  const auto make = [&](std::string_view of) {
+    Kernel kernel;
+    kernel.state_ = std::make_shared<KernelState>();
+    KernelState& state = *kernel.state_;
+    state.device = state_;
+    state.entry = of;
+    state.program = key;
+    guarded(state_->info, "kernels/" + name + ": " + state.entry,
+            [&] { state.kernel = cl::Kernel(program, state.entry.c_str()); });
+    return kernel;
+  };
+  if (!device_detail::are_loops_checked(*this)) device_detail::check_loops(*this, make("check_loops"));
+  return make(entry);
 }
 
 void Device::finish() const {

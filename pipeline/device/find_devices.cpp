@@ -44,13 +44,17 @@ std::string lower(std::string text) {
 
 }  // namespace
 
-std::vector<FoundDevice> find_devices() {
+void set_pocl_threads() {
   static std::once_flag pocl_threads;
   std::call_once(pocl_threads, [] {
     const std::string threads = std::to_string(thread_count());
     setenv("POCL_MAX_PTHREAD_COUNT", threads.c_str(), 0);  // up to PoCL 4
     setenv("POCL_CPU_MAX_CU_COUNT", threads.c_str(), 0);
   });
+}
+
+std::vector<FoundDevice> find_devices() {
+  set_pocl_threads();
   std::vector<FoundDevice> found;
   std::vector<cl::Platform> platforms;
   try {

@@ -4,6 +4,7 @@
 
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/render/shade.h"
+#include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
 namespace {
@@ -18,11 +19,6 @@ std::pair<double, double> sample_offset(int sample, int samples) {
   return {(sample + 0.5) / samples, y + cell / 2};
 }
 
-void add(Image& sum, const Image& image, float weight) {
-  if (sum.pixels.empty()) sum = make_image(image.kind, image.width, image.height, image.channels);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) sum.pixels[i] += image.pixels[i] * weight;
-}
-
 }  // namespace
 
 Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& config, RenderTimings* timings) {
@@ -32,19 +28,22 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
   const bool is_shaded = config.aov == Aov::kShaded;
   const int samples = is_shaded ? (config.samples > 0 ? config.samples : kShadedSamples) : 1;
   Image picture;
+  CameraHits cast;  // of each sample in turn
+  if (is_shaded) picture = make_image(Image::Kind::kColor, config.width, config.height, {"R", "G", "B", "A"});
   for (int sample = 0; sample < samples; ++sample) {
     const auto [x, y] = sample_offset(sample, samples);
     const CameraRays rays = camera_rays(camera, config.width, config.height, x, y);
-    std::vector<std::uint32_t> steps;
-    const std::vector<Hit> hits = intersect(tracer, rays, config.aov == Aov::kSteps ? &steps : nullptr);
+    intersect(tracer, rays, config.aov == Aov::kSteps, cast);
+    const std::vector<Hit>& hits = cast.hits;
     times.trace += watch.lap();
     times.rays += hits.size();
     if (is_shaded) {
       SurfaceSamples surface = tracer.surface(hits);
       if (config.colors) surface.colors = config.colors(hits);
-      add(picture, shade(rays, hits, surface, config.up), 1 / static_cast<float>(samples));
+      add_shaded(rays, hits, surface, config.up, 1 / static_cast<float>(samples), picture);
     } else {
-      picture = config.aov == Aov::kSteps ? steps_image(rays, steps) : data_image(config.aov, rays, hits);
+      picture =
+          config.aov == Aov::kSteps ? steps_image(rays, cast.steps) : data_image(config.aov, rays, hits);
       if (config.as_shown) picture = shown_image(config.aov, picture);
     }
     times.shade += watch.lap();

@@ -33,11 +33,11 @@ Vec3f mix(Vec3f a, Vec3f b, float t) { return a * (1 - t) + b * t; }
 // How far a pixel lies in a valley (positive) or on a ridge (negative): the mean of opposite pixels' 1/t
 // against its own, which is zero on any plane, in units of the slope that makes. About [-1, 1]; steps in
 // depth are cut off.
-float relief(std::span<const Hit> hits, std::size_t width, std::size_t height, std::size_t x, std::size_t y,
-             int radius, float pixel_angle) {
-  const Hit& center = hits[y * width + x];
-  if (!(center.t > 0)) return 0;
-  const float inverse = 1 / center.t;
+// `halves` are 0.5 / t, 0 where nothing is hit.
+float relief(std::span<const float> halves, float t, std::size_t width, std::size_t height, std::size_t x,
+             std::size_t y, int radius, float pixel_angle) {
+  if (!(t > 0)) return 0;
+  const float inverse = 1 / t;
   const std::ptrdiff_t w = static_cast<std::ptrdiff_t>(width), h = static_cast<std::ptrdiff_t>(height);
   const std::ptrdiff_t px = static_cast<std::ptrdiff_t>(x), py = static_cast<std::ptrdiff_t>(y);
   constexpr std::ptrdiff_t kDirections[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
@@ -47,11 +47,10 @@ float relief(std::span<const Hit> hits, std::size_t width, std::size_t height, s
                          by = py - dy * radius;
     if (std::min(ax, bx) < 0 || std::max(ax, bx) >= w || std::min(ay, by) < 0 || std::max(ay, by) >= h)
       continue;
-    const float ta = hits[static_cast<std::size_t>(ay * w + ax)].t,
-                tb = hits[static_cast<std::size_t>(by * w + bx)].t;
-    if (!std::isfinite(ta) || !std::isfinite(tb)) continue;
-    const float bend =
-        (0.5f / ta + 0.5f / tb - inverse) * center.t / (pixel_angle * static_cast<float>(radius));
+    const float a = halves[static_cast<std::size_t>(ay * w + ax)],
+                b = halves[static_cast<std::size_t>(by * w + bx)];
+    if (a == 0 || b == 0) continue;
+    const float bend = (a + b - inverse) * t / (pixel_angle * static_cast<float>(radius));
     sum += std::clamp(bend, -1.f, 1.f);
   }
   return sum / 4;
@@ -124,10 +123,10 @@ std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width
   return colors;
 }
 
-Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up) {
+void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up,
+                float weight, Image& picture) {
   const std::size_t width = rays.width, height = rays.height;
   RBVH_CHECK(hits.size() == width * height && surface.normals.size() == hits.size());
-  Image image = make_image(Image::Kind::kColor, rays.width, rays.height, {"R", "G", "B", "A"});
   const Vec3f forward = pixel_direction(rays, rays.width / 2, rays.height / 2);
   const Vec3f image_up = -normalized(array3(rays.up)), image_right = normalized(array3(rays.right));
   const Lights lights{normalized(forward * -0.75f + image_up * 0.5f - image_right * 0.4f), up};
@@ -137,6 +136,10 @@ Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamp
     radii[i] = std::max(1, static_cast<int>(std::lround(kPixelsAtWhichReliefIsSought[i] *
                                                         static_cast<float>(height) / 1024)));
 
+  std::vector<float> halves(hits.size());
+  parallel_for(hits.size(), kRows * width, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) halves[i] = is_hit(hits[i]) ? 0.5f / hits[i].t : 0;
+  });
   parallel_for(height, kRows, [&](std::size_t begin, std::size_t end) {
     for (std::size_t y = begin; y < end; ++y)
       for (std::size_t x = 0; x < width; ++x) {
@@ -154,16 +157,22 @@ Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamp
         if (from_behind) albedo = times(albedo, kBackTint);
 
         float bend = 0;
-        for (const int radius : radii) bend += relief(hits, width, height, x, y, radius, pixel_angle);
+        for (const int radius : radii)
+          bend += relief(halves, hit.t, width, height, x, y, radius, pixel_angle);
         bend = std::clamp(bend, -1.f, 1.f);
         const float cavity = bend > 0 ? 1 - kValley * bend : 1 - kRidge * bend;
         const Vec3f color = light(albedo, normal, view, lights) * cavity;
-        float* out = image.at(x, y);
-        for (int c = 0; c < 3; ++c) out[c] = std::clamp(color[c], 0.f, 1.f);
-        out[3] = 1;
+        float* out = picture.at(x, y);
+        for (int c = 0; c < 3; ++c) out[c] += std::clamp(color[c], 0.f, 1.f) * weight;
+        out[3] += weight;
       }
   });
-  return image;
+}
+
+Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up) {
+  Image picture = make_image(Image::Kind::kColor, rays.width, rays.height, {"R", "G", "B", "A"});
+  add_shaded(rays, hits, surface, up, 1, picture);
+  return picture;
 }
 
 Image data_image(Aov aov, const CameraRays& rays, std::span<const Hit> hits) {

@@ -17,7 +17,9 @@ std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width
 
 /// A headlight and a soft sky on clay (or the surface's own colours), from both sides, on a transparent
 /// background; valleys and depth steps are darkened by the depth of the pixels around. R, G, B, A; `up` is
-/// where the sky is.
+/// where the sky is. Adds to the picture of the rays, `weight` times.
+void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up,
+                float weight, Image& picture);
 Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up);
 
 /// What an AOV other than shaded and steps shows, as numbers for EXR: normal (geometric: N.X N.Y N.Z; 0 for

@@ -1,3 +1,5 @@
+// PCL's templates, compiled here: its library of filters takes as long to load as the tool to start.
+#define PCL_NO_PRECOMPILE
 #include "pipeline/scan/outliers.h"
 
 #include <pcl/console/print.h>

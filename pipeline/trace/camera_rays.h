@@ -1,12 +1,26 @@
-// A camera's rays on the host, as the kernels compute them (kernels/common/camera_rays.h).
+// A camera's rays on the host, as the kernels compute them (kernels/common/camera_rays.h), and their hits.
 #pragma once
 
 #include <limits>
+#include <vector>
 
 #include "kernels/common/layout.h"
+#include "pipeline/device/device.h"
 #include "rbvh/geometry.h"
+#include "rbvh/tracer.h"
 
 namespace rbvh {
+
+/// A picture's hits, row by row. One after the other can be kept in it: memory that is new to the process
+/// costs as much as casting.
+struct CameraHits {
+  std::vector<Hit> hits;
+  std::vector<std::uint32_t> steps;  ///< as many, where they are counted
+  Buffer<Hit> on_device;             ///< of a band of rows
+};
+
+/// Casts a camera's rays in bands that fit the device.
+void intersect(const Tracer& tracer, const CameraRays& camera, bool count_steps, CameraHits& out);
 
 /// The unit direction of one pixel's ray.
 inline Vec3f pixel_direction(const CameraRays& rays, std::uint32_t x, std::uint32_t y) {

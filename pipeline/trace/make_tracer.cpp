@@ -63,12 +63,14 @@ std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, co
 
 std::vector<std::string> choose_levels(const Asset& asset, const std::vector<std::string>& wanted,
                                        bool has_auto) {
-  const Rbvh* rbvh = asset.rbvh();
-  if (!rbvh) return {asset.scan() ? "exact" : "scene"};
-  std::vector<std::string> present;
-  for (const Level& level : rbvh->levels) present.push_back(level.name);
+  if (!asset.rbvh()) return {asset.scan() ? "exact" : "scene"};
+  if (has_auto && wanted == std::vector<std::string>{"auto"}) return wanted;
+  return choose_levels(level_names(asset), wanted, asset.path);
+}
+
+std::vector<std::string> choose_levels(const std::vector<std::string>& present,
+                                       const std::vector<std::string>& wanted, const std::string& file) {
   if (wanted.empty()) return {present.front()};
-  if (has_auto && wanted.size() == 1 && wanted[0] == "auto") return wanted;
   std::vector<std::string> chosen;
   const auto choose = [&](const std::string& name) {
     if (std::find(chosen.begin(), chosen.end(), name) == chosen.end()) chosen.push_back(name);
@@ -81,7 +83,7 @@ std::vector<std::string> choose_levels(const Asset& asset, const std::vector<std
     } else {
       std::string names;
       for (const std::string& each : present) names += (names.empty() ? "" : ", ") + each;
-      throw Error(ErrorKind::kUsage, asset.path, "there is no level '" + name + "'; there are " + names);
+      throw Error(ErrorKind::kUsage, file, "there is no level '" + name + "'; there are " + names);
     }
   }
   return chosen;

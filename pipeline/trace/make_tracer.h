@@ -21,6 +21,9 @@ std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, co
 /// there. With `has_auto`, "auto" (alone) is one.
 std::vector<std::string> choose_levels(const Asset& asset, const std::vector<std::string>& wanted,
                                        bool has_auto = false);
+/// The same of the levels that a pair has, without "auto"; `file` is for the message.
+std::vector<std::string> choose_levels(const std::vector<std::string>& present,
+                                       const std::vector<std::string>& wanted, const std::string& file);
 
 /// Throws Error(kBudget) where what casting takes beside the files is over the budget: hierarchies of scans,
 /// maps of proxies, their patch cache.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <limits>
 
 #include "pipeline/base/stopwatch.h"
@@ -11,7 +12,8 @@
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kBatch = std::size_t{1} << 21;  // rays on the device at once
+constexpr std::size_t kPiece = std::size_t{1} << 18;  // rays
+constexpr std::size_t kPieces = 3;                    // one is read, one cast, one written
 // Squared lengths outside these would overflow or vanish in the kernels' own arithmetic.
 constexpr float kLeastSquare = 1e-20f, kMostSquare = 1e20f;
 
@@ -55,38 +57,77 @@ void store(const Hit& hit, const PreparedRay& ray, float* row) {
 
 }  // namespace
 
-std::vector<float> trace_table(const Tracer& tracer, std::span<const float> rays, std::size_t columns,
-                               RayQuery query, const Progress& progress, RayTableCounts* counts) {
-  RayTableCounts unasked;
-  RayTableCounts& sum = counts != nullptr ? *counts : unasked;
-  const std::size_t rows = rays.size() / columns, batch = std::min(kBatch, std::max<std::size_t>(1, rows));
-  std::vector<float> table(rows * kHitColumns);
-  Buffer<Ray> ray_buffer(tracer.device, batch);
-  const Buffer<Hit> hit_buffer(tracer.device, batch);
-  std::vector<PreparedRay> prepared(batch);
-  std::vector<Ray> sent(batch);
-  std::vector<Hit> hits(batch);
-  for (std::size_t first = 0; first < rows; first += batch) {
-    report(progress, "trace", static_cast<double>(first) / static_cast<double>(rows));
-    const std::size_t count = std::min(batch, rows - first);
-    for (std::size_t i = 0; i < count; ++i) {
-      prepared[i] = prepare_ray(&rays[(first + i) * columns], columns);
-      sent[i] = prepared[i].ray;
-      sum.unusable += !prepared[i].usable;
-    }
-    ray_buffer.write(std::span(sent).first(count));
-    Stopwatch watch;
-    tracer.intersect(ray_buffer, hit_buffer, count, query);
-    tracer.device.finish();
-    sum.seconds += watch.lap();
-    hit_buffer.read(std::span(hits).first(count));
-    for (std::size_t i = 0; i < count; ++i) {
-      float* row = &table[(first + i) * kHitColumns];
-      store(hits[i], prepared[i], row);
-      sum.hits += row[6] >= 0;
-    }
+namespace {
+
+/// Some rays on their way through.
+struct Piece {
+  std::size_t count = 0;
+  std::vector<PreparedRay> prepared;
+  std::vector<Ray> rays;
+  std::vector<Hit> hits;
+};
+
+std::size_t piece_rays(std::uint64_t rays) {
+  return static_cast<std::size_t>(std::clamp<std::uint64_t>(rays, 1, kPiece));
+}
+
+void read_piece(const RayStream& stream, Piece& piece, RayTableCounts& counts) {
+  std::vector<float> rows(piece_rays(stream.rows) * stream.columns);
+  piece.count = stream.read(rows);
+  piece.prepared.resize(piece.count);
+  piece.rays.resize(piece.count);
+  piece.hits.resize(piece.count);
+  for (std::size_t i = 0; i < piece.count; ++i) {
+    piece.prepared[i] = prepare_ray(&rows[i * stream.columns], stream.columns);
+    piece.rays[i] = piece.prepared[i].ray;
+    counts.unusable += !piece.prepared[i].usable;
   }
-  return table;
+}
+
+void write_piece(const RayStream& stream, const Piece& piece, RayTableCounts& counts) {
+  std::vector<float> table(piece.count * kHitColumns);
+  for (std::size_t i = 0; i < piece.count; ++i) {
+    store(piece.hits[i], piece.prepared[i], &table[i * kHitColumns]);
+    counts.hits += table[i * kHitColumns + 6] >= 0;
+  }
+  stream.write(table);
+}
+
+}  // namespace
+
+std::uint64_t ray_stream_bytes(std::uint64_t rays) {
+  constexpr std::uint64_t kRow = kHitColumns * sizeof(float);
+  return piece_rays(rays) *
+         (kPieces * (sizeof(PreparedRay) + sizeof(Ray) + sizeof(Hit)) + 2 * kRow + sizeof(Ray) + sizeof(Hit));
+}
+
+RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQuery query,
+                            const Progress& progress) {
+  RayTableCounts counts;
+  Piece pieces[kPieces];
+  Buffer<Ray> rays(tracer.device, piece_rays(stream.rows));
+  const Buffer<Hit> hits(tracer.device, rays.size());
+  const auto read = [&](Piece& piece) {
+    return std::async(std::launch::async, [&] { read_piece(stream, piece, counts); });
+  };
+  std::future<void> reading = read(pieces[0]), writing;
+  for (std::size_t k = 0;; ++k) {
+    Piece& piece = pieces[k % kPieces];
+    reading.get();
+    if (piece.count == 0) break;
+    reading = read(pieces[(k + 1) % kPieces]);  // whose hits have been written: two pieces ago
+    report(progress, "trace", static_cast<double>(counts.rays) / static_cast<double>(stream.rows));
+    Stopwatch watch;
+    rays.write(piece.rays);
+    tracer.intersect(rays, hits, piece.count, query);
+    hits.read(piece.hits);
+    counts.seconds += watch.lap();
+    counts.rays += piece.count;
+    if (writing.valid()) writing.get();
+    writing = std::async(std::launch::async, [&] { write_piece(stream, piece, counts); });
+  }
+  if (writing.valid()) writing.get();
+  return counts;
 }
 
 }  // namespace rbvh

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "pipeline/device/device.h"
+#include "pipeline/trace/camera_rays.h"
 
 namespace rbvh {
 namespace {
@@ -30,24 +31,30 @@ std::vector<Hit> intersect(const Tracer& tracer, std::span<const Ray> rays, RayQ
   return hits;
 }
 
-std::vector<Hit> intersect(const Tracer& tracer, const CameraRays& camera,
-                           std::vector<std::uint32_t>* steps) {
+void intersect(const Tracer& tracer, const CameraRays& camera, bool count_steps, CameraHits& out) {
   const std::size_t width = camera.width, height = camera.height;
   const std::size_t band = std::clamp<std::size_t>(kBandBytes / (width * sizeof(Hit)), 1, height);
-  const Buffer<Hit> hit_buffer(tracer.device, width * band);
-  const Buffer<std::uint32_t> step_buffer(tracer.device, steps ? width * band : 0);
-  std::vector<Hit> hits(width * height);
-  if (steps) steps->resize(width * height);
+  if (out.on_device.size() < width * band) out.on_device = Buffer<Hit>(tracer.device, width * band);
+  const Buffer<std::uint32_t> step_buffer(tracer.device, count_steps ? width * band : 0);
+  out.hits.resize(width * height);
+  out.steps.resize(count_steps ? width * height : 0);
   for (std::size_t row = 0; row < height; row += band) {
     const std::size_t rows = std::min(band, height - row), count = rows * width;
     CameraRays part = camera;
     part.offset_y += static_cast<float>(row);
     part.height = static_cast<std::uint32_t>(rows);
-    tracer.intersect(part, hit_buffer, steps ? &step_buffer : nullptr);
-    hit_buffer.read(std::span(hits).subspan(row * width, count));
-    if (steps) step_buffer.read(std::span(*steps).subspan(row * width, count));
+    tracer.intersect(part, out.on_device, count_steps ? &step_buffer : nullptr);
+    out.on_device.read(std::span(out.hits).subspan(row * width, count));
+    if (count_steps) step_buffer.read(std::span(out.steps).subspan(row * width, count));
   }
-  return hits;
+}
+
+std::vector<Hit> intersect(const Tracer& tracer, const CameraRays& camera,
+                           std::vector<std::uint32_t>* steps) {
+  CameraHits out;
+  intersect(tracer, camera, steps != nullptr, out);
+  if (steps) *steps = std::move(out.steps);
+  return std::move(out.hits);
 }
 
 std::vector<std::uint8_t> occluded(const Tracer& tracer, std::span<const Ray> rays) {

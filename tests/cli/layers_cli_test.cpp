@@ -117,6 +117,16 @@ TEST_F(Detail, PaintThenSampleGivesBackWhatWasPainted) {
   write_npy(path("rays.npy"), std::vector<float>{0.3f, 0.2f, 4, 0, 0, -1, -0.3f, 0.1f, 4, 0, 0, -1}, 6,
             false);
   good("trace a.rbvh --level Q2 --rays rays.npy -o hits.npy");
+  // From a pipe, whose end is not known before.
+  EXPECT_EQ(
+      shell("cat rays.npy | '" RBVH_TOOL "' trace a.rbvh --level Q2 --rays - -o - -q | cmp - hits.npy").code,
+      0);
+  for (const char* const other : {"head -c -1 rays.npy", "cat rays.npy rays.npy"}) {
+    const ToolRun run = shell(std::string(other) + " | '" RBVH_TOOL "' trace a.rbvh --rays - -o x.npy -q");
+    EXPECT_EQ(run.code, 3) << other;
+    EXPECT_EQ(run.lines(), 1) << run.err;
+    EXPECT_FALSE(exists("x.npy"));
+  }
   const std::size_t eight[] = {8}, one[] = {1}, three[] = {3};
   const FloatTable hits = read_npy(path("hits.npy"), eight);
   const std::vector<float> points = {0.3f, 0.2f, 4 - hits.values[0], -0.3f, 0.1f, 4 - hits.values[8], 5,

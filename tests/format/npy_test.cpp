@@ -135,5 +135,27 @@ TEST(Npy, WritesWhatItReads) {
   fs::remove_all(folder);
 }
 
+TEST(Npy, PiecesAreTheWholeFile) {
+  const std::string path = testing::TempDir() + "pieces_" + std::to_string(::getpid()) + ".npy";
+  std::vector<float> values(8 * 1001);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
+  write_npy(path, values, 8, true);
+  for (const std::size_t rows : {1u, 7u, 1001u, 2000u}) {
+    NpyReader reader(path, kRays);
+    EXPECT_EQ(reader.rows(), 1001u);
+    EXPECT_EQ(reader.columns(), 8u);
+    std::vector<float> piece(rows * 8 + 3), all;
+    while (const std::size_t got = reader.read(piece))
+      all.insert(all.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got * 8));
+    EXPECT_EQ(all, values) << rows;
+  }
+  // A file's length is checked before anything is read.
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) - 1);
+  EXPECT_THROW(NpyReader bad(path, kRays), Error);
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) + 2);
+  EXPECT_THROW(NpyReader bad(path, kRays), Error);
+  std::filesystem::remove(path);
+}
+
 }  // namespace
 }  // namespace rbvh

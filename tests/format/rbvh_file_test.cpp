@@ -73,6 +73,45 @@ TEST_F(RbvhFileTest, RoundTrip) {
   }
 }
 
+// What is not asked for is not decoded: damage there is seen only by who reads it.
+TEST_F(RbvhFileTest, SomeLevelsAreAsInTheWholePair) {
+  for (const Rbvh& rbvh : {make_small_rbvh(), make_rbvh_of_triangles(), make_built_rbvh(false)}) {
+    write_rbvh(path("a.rbvh"), rbvh, true);
+    std::vector<std::string> names;
+    for (const Level& level : rbvh.levels) names.push_back(level.name);
+    for (const Level& level : rbvh.levels) {
+      PairHeader header;
+      const Rbvh read = read_rbvh(path("a.rbvh"), &header, {}, [&](const std::vector<std::string>& there) {
+        EXPECT_EQ(there, names);
+        return std::vector{level.name};
+      });
+      EXPECT_EQ(header.levels, names.size());
+      Rbvh wanted = rbvh;
+      wanted.levels = {level};
+      expect_equal(wanted, read);
+    }
+  }
+  Rbvh damaged = make_small_rbvh();
+  write_rbvh(path("a.rbvh"), damaged, true);
+  Bytes bytes = read_bytes(path("a.rbvh"));
+  const std::array<std::uint32_t, 4> counts = {3, 0, 0, 0};  // of each level, Q1's first in the file
+  std::size_t at = 0;
+  while (get<std::array<std::uint32_t, 4>>(bytes, at) != counts) at += 4;
+  put(bytes, at, std::uint32_t{1000});
+  reseal(bytes);
+  write_bytes(path("a.rbvh"), bytes);
+  EXPECT_NE(refusal("a.rbvh"), "");
+  int refused = 0;
+  for (const std::string name : {"Q0", "Q1"}) {
+    try {
+      read_rbvh(path("a.rbvh"), nullptr, {}, [&](const auto&) { return std::vector{name}; });
+    } catch (const Error&) {
+      ++refused;
+    }
+  }
+  EXPECT_EQ(refused, 1);
+}
+
 TEST_F(RbvhFileTest, IdenticalBytes) {
   const Rbvh rbvh = make_large_rbvh();
   set_thread_count(1);

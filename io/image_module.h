@@ -1,0 +1,65 @@
+// What the module rbvh_images does: all use of OpenImageIO. That brings 260 libraries, whose loading takes
+// longer than most stages; so the module is loaded when the first picture, atlas or map wants it. It knows
+// nothing else of rbvh.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace rbvh {
+
+/// An image to be written.
+struct ImageSpec {
+  enum class Type { kUint8, kUint16, kFloat };
+  std::uint32_t width = 0, height = 0;
+  std::size_t channels = 0;
+  std::vector<std::string> channel_names{};  ///< empty: the format's own
+  Type type = Type::kUint8;
+  std::uint32_t tile_width = 0, tile_height = 0;  ///< 0: no tiles
+  std::vector<std::pair<std::string, std::variant<int, float, std::string>>> attributes{};
+};
+
+/// What the header of an image says. Hostile.
+struct ImageHeader {
+  int width = 0, height = 0, depth = 0, tile_width = 0, tile_height = 0;
+  std::vector<std::string> channels;
+  bool is_deep = false, is_integer = false, is_float32 = false;
+};
+
+/// The functions return what went wrong, or nothing. `format`: "jpeg", "openexr", "tiff", or to decode "png".
+struct ImageModule {
+  const char* version;  ///< of the rbvh that it was built with
+
+  /// The bytes of an image's file. `pixels`: width * height * channels values of the spec's type.
+  std::string (*encode)(const char* format, const ImageSpec& spec, const void* pixels, int threads,
+                        std::vector<unsigned char>& bytes);
+
+  /// A TIFF file of 16-bit subimages in tiles. `texels` gives those of the i-th when those before are in the
+  /// file.
+  std::string (*write_tiff)(const std::string& path, std::span<const ImageSpec> subimages,
+                            const std::function<const std::uint16_t*(std::size_t)>& texels, int threads);
+
+  /// The file's first image, as floats. `place` sees its header first and says where they go: room for width
+  /// * height * channels of them; or throws.
+  std::string (*decode)(const char* format, std::string_view file,
+                        const std::function<float*(const ImageHeader&)>& place, int threads);
+};
+
+/// Loaded with its libraries by the first call. Throws Error(kFailure), naming `path`, where it cannot be.
+const ImageModule& image_module(const std::string& path);
+
+/// Its encode(): writers do not report every failed write, and OutputFile, which writes the bytes, does.
+/// Throws Error(kFailure), naming `path`.
+std::vector<unsigned char> encode_image(const char* format, const ImageSpec& spec, const void* pixels,
+                                        const std::string& path);
+
+}  // namespace rbvh
+
+/// The module's one symbol.
+extern "C" const rbvh::ImageModule* rbvh_image_module();

@@ -1,0 +1,119 @@
+// The module rbvh_images. io/image_module.h says why it is one.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "io/image_module.h"
+
+namespace rbvh {
+namespace {
+
+OIIO::TypeDesc type_of(ImageSpec::Type type) {
+  switch (type) {
+    case ImageSpec::Type::kUint8:
+      return OIIO::TypeUInt8;
+    case ImageSpec::Type::kUint16:
+      return OIIO::TypeUInt16;
+    case ImageSpec::Type::kFloat:
+      break;
+  }
+  return OIIO::TypeFloat;
+}
+
+OIIO::ImageSpec oiio_spec(const ImageSpec& from) {
+  OIIO::ImageSpec spec(static_cast<int>(from.width), static_cast<int>(from.height),
+                       static_cast<int>(from.channels), type_of(from.type));
+  if (!from.channel_names.empty()) spec.channelnames = from.channel_names;
+  // In named channels and tiles, no channel multiplies another.
+  if (!from.channel_names.empty() || from.tile_width > 0) spec.alpha_channel = -1;
+  spec.tile_width = static_cast<int>(from.tile_width);
+  spec.tile_height = static_cast<int>(from.tile_height);
+  for (const auto& [name, value] : from.attributes)
+    std::visit([&](const auto& each) { spec.attribute(name, each); }, value);
+  return spec;
+}
+
+/// Never empty.
+std::string in_words(const std::string& fault) { return fault.empty() ? "the disk may be full" : fault; }
+
+std::string encode(const char* format, const ImageSpec& spec, const void* pixels, int threads,
+                   std::vector<unsigned char>& bytes) {
+  OIIO::attribute("threads", threads);
+  OIIO::Filesystem::IOVecOutput memory;  // outlives the writer, which may still use it when it is destroyed
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(format);
+  if (out == nullptr) return in_words(OIIO::geterror());
+  out->threads(threads);
+  if (!out->set_ioproxy(&memory) || !out->open(std::string("image.") + format, oiio_spec(spec)) ||
+      !out->write_image(type_of(spec.type), pixels) || !out->close())
+    return in_words(out->geterror());
+  bytes = memory.buffer();
+  return {};
+}
+
+/// Tile by tile from a zeroed buffer: OpenImageIO pads the tiles at the image's border with what its own
+/// buffer contained before.
+bool write_tiles(OIIO::ImageOutput& out, const ImageSpec& spec, const std::uint16_t* texels) {
+  std::vector<std::uint16_t> tile(spec.channels * spec.tile_width * spec.tile_height);
+  for (std::uint32_t y = 0; y < spec.height; y += spec.tile_height)
+    for (std::uint32_t x = 0; x < spec.width; x += spec.tile_width) {
+      std::fill(tile.begin(), tile.end(), std::uint16_t{0});
+      const std::size_t columns = std::min(spec.tile_width, spec.width - x);
+      const std::uint32_t rows = std::min(spec.tile_height, spec.height - y);
+      for (std::size_t row = 0; row < rows; ++row)
+        std::copy_n(texels + ((y + row) * spec.width + x) * spec.channels, columns * spec.channels,
+                    tile.data() + row * spec.tile_width * spec.channels);
+      if (!out.write_tile(static_cast<int>(x), static_cast<int>(y), 0, OIIO::TypeUInt16, tile.data()))
+        return false;
+    }
+  return true;
+}
+
+std::string write_tiff(const std::string& path, std::span<const ImageSpec> subimages,
+                       const std::function<const std::uint16_t*(std::size_t)>& texels, int threads) {
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("tiff");
+  if (out == nullptr) return in_words(OIIO::geterror());
+  out->threads(threads);
+  for (std::size_t i = 0; i < subimages.size(); ++i) {
+    const auto mode = i == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
+    // Opening the next subimage finishes the one before.
+    if (!out->open(path, oiio_spec(subimages[i]), mode) || !write_tiles(*out, subimages[i], texels(i)))
+      return in_words(out->geterror());
+  }
+  return out->close() ? "" : in_words(out->geterror());
+}
+
+std::string decode(const char* format, std::string_view file,
+                   const std::function<float*(const ImageHeader&)>& place, int threads) {
+  const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
+  if (in == nullptr) return "cannot be read: " + OIIO::geterror();
+  in->threads(threads);
+  // OpenImageIO only reads through it, whatever its parameter's type.
+  OIIO::Filesystem::IOMemReader reader(const_cast<char*>(file.data()), file.size());
+  OIIO::ImageSpec spec, config;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  if (!in->set_ioproxy(&reader) || !in->open(std::string("map.") + format, spec, config))
+    return "cannot be read (" + in->geterror() + ")";
+  if (spec.channelnames.size() != static_cast<std::size_t>(spec.nchannels)) return "cannot be read";
+  float* const texels = place({.width = spec.width,
+                               .height = spec.height,
+                               .depth = spec.depth,
+                               .tile_width = spec.tile_width,
+                               .tile_height = spec.tile_height,
+                               .channels = spec.channelnames,
+                               .is_deep = spec.deep,
+                               .is_integer = !spec.format.is_floating_point(),
+                               .is_float32 = spec.format == OIIO::TypeFloat});
+  if (!in->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, texels))
+    return "cannot be decoded (" + in->geterror() + ")";
+  return {};
+}
+
+}  // namespace
+}  // namespace rbvh
+
+__attribute__((visibility("default"))) const rbvh::ImageModule* rbvh_image_module() {
+  static constexpr rbvh::ImageModule kModule = {RBVH_VERSION, rbvh::encode, rbvh::write_tiff, rbvh::decode};
+  return &kModule;
+}
