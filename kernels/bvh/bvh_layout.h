@@ -23,7 +23,7 @@ typedef struct WideNode {
 RBVH_LAYOUT_SIZE(WideNode, 448);
 
 // Up to 8 triangles (vertices a, b, c: nine rows) or discs (centre, unit normal, radius: seven rows), and
-// their indices in the scan, or of a tile whose primitives they are. Unused lanes are NaN.
+// their indices in the scan. Unused lanes are NaN.
 typedef struct PrimitiveBlock {
   float rows[9][PRIMITIVE_BLOCK_WIDTH];
   rbvh_u32 ids[PRIMITIVE_BLOCK_WIDTH];

@@ -1,4 +1,4 @@
-// The traversal of a wide hierarchy, by one ray or a packet, with a hook for its leaves: near children first,
+// The traversal of a wide hierarchy, by one ray or a beam, with a hook for its leaves: near children first,
 // the others on a stack with the distance to them.
 //
 // STACK: entries that any ray can need.
@@ -11,7 +11,7 @@
 #define NODES 0u, sizeof(WideNode)
 
 // Defines  uint2 NAME(const TREE* tree, const RAYS* rays, uint any, FOUND* found):
-// nodes and leaves (or what these count) visited. TREE has nodes, a scene and BOUNDS_MEMBER.
+// nodes and leaves (or what these count) visited. `any`, of one ray: its first hit ends it. TREE has nodes, a scene and BOUNDS_MEMBER.
 //   uint OPEN(node, rays, limit, stack, stack_t, depth): as open_node();
 //   bool LEAF(tree, leaf, rays, any, found, visited): true where it found something nearer;
 //   float LIMIT(found): how far the rays still go.
