@@ -1,5 +1,5 @@
-// Where a ray, or rays together (a beam of a camera's, a packet), meets a wide node: its 16 boxes are tested at once. And the stack of what
-// is still to be visited.
+// Where a ray, or rays together (a beam of a camera's, a packet), meets a wide node: its 16 boxes are tested
+// at once. And the stack of what is still to be visited.
 #ifndef RBVH_WIDE_NODE_H
 #define RBVH_WIDE_NODE_H
 #include "kernels/bvh/ray_query.h"
