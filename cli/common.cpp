@@ -166,7 +166,7 @@ void warn(Context& context, const std::string& line) {
 }
 
 void print_error(Context& context, const std::string& line) {
-  context.progress.finish();
+  context.progress.abandon();
   const std::string who = context.stage.empty() ? "rbvh:" : "rbvh " + context.stage + ":";
   context.progress.print_line((use_color(context) ? "\033[31m" + who + "\033[0m " : who + " ") + line);
   to_log(spdlog::level::err, line);

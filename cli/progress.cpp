@@ -83,6 +83,10 @@ void ProgressReporter::end_phase(Clock::time_point now) {
   if (mode_ == ProgressMode::kPlain && (line_shown_ || now - phase_start_ > kPlainQuiet))
     std::fprintf(stderr, "rbvh %s: %s done, %.1f s\n", stage_.c_str(), phase_.c_str(),
                  seconds(now - phase_start_));
+  clear_phase();
+}
+
+void ProgressReporter::clear_phase() {
   if (bar_drawn_) std::fputs("\r\033[K", stderr);
   std::fflush(stderr);
   bar_drawn_ = line_shown_ = false;
@@ -93,6 +97,11 @@ void ProgressReporter::end_phase(Clock::time_point now) {
 void ProgressReporter::finish() {
   const std::lock_guard lock(mutex_);
   end_phase(Clock::now());
+}
+
+void ProgressReporter::abandon() {
+  const std::lock_guard lock(mutex_);
+  clear_phase();
 }
 
 void ProgressReporter::print_line(std::string_view line) {

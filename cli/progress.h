@@ -23,6 +23,8 @@ class ProgressReporter {
   void update(std::string_view phase, double fraction);
   /// Ends the running phase and wipes the bar.
   void finish();
+  /// Wipes the bar of a phase that failed.
+  void abandon();
   /// Writes a line to stderr without tearing the bar.
   void print_line(std::string_view line);
 
@@ -30,6 +32,7 @@ class ProgressReporter {
   using Clock = std::chrono::steady_clock;
   void show(double fraction, Clock::time_point now);
   void end_phase(Clock::time_point now);
+  void clear_phase();
 
   std::mutex mutex_;
   ProgressMode mode_ = ProgressMode::kNone;

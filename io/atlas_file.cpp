@@ -86,6 +86,7 @@ std::vector<std::uint64_t> write_atlas(const std::string& temporary_path, const 
   const auto add_level = [&] {
     std::error_code error;
     const std::uint64_t end = std::filesystem::file_size(temporary_path, error);
+    if (error) throw Error(ErrorKind::kFailure, path, error.message());
     level_bytes.push_back(end - before);
     before = end;
   };

@@ -6,7 +6,6 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
-#include <numeric>
 
 #include "pipeline/base/parallel_for.h"
 
@@ -95,7 +94,12 @@ TiffImage TiffFile::Handle::describe() const {
                                : std::min(get<std::uint32_t>(TIFFTAG_ROWSPERSTRIP), image.height);
   const std::uint16_t channels = get<std::uint16_t>(TIFFTAG_SAMPLESPERPIXEL);
   const tmsize_t tile_bytes = is_tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
+  const std::uint16_t compression = get<std::uint16_t>(TIFFTAG_COMPRESSION);
   const bool is_usable =
+      (compression == COMPRESSION_NONE || compression == COMPRESSION_LZW ||
+       compression == COMPRESSION_PACKBITS || compression == COMPRESSION_ADOBE_DEFLATE ||
+       compression == COMPRESSION_DEFLATE) &&
+      static_cast<std::uint64_t>(tile_bytes) <= kMaxExpansion * file.size() &&
       get<std::uint16_t>(TIFFTAG_BITSPERSAMPLE) == 16 &&
       get<std::uint16_t>(TIFFTAG_SAMPLEFORMAT) == SAMPLEFORMAT_UINT &&
       get<std::uint16_t>(TIFFTAG_PLANARCONFIG) == PLANARCONFIG_CONTIG &&
@@ -107,8 +111,9 @@ TiffImage TiffFile::Handle::describe() const {
   const std::uint64_t* bytes =
       get<const std::uint64_t*>(is_tiled ? TIFFTAG_TILEBYTECOUNTS : TIFFTAG_STRIPBYTECOUNTS);
   if (is_usable && bytes != nullptr)
-    image.stored_bytes = std::accumulate(
-        bytes, bytes + (is_tiled ? TIFFNumberOfTiles(tiff) : TIFFNumberOfStrips(tiff)), std::uint64_t{0});
+    for (std::uint32_t i = 0; i < (is_tiled ? TIFFNumberOfTiles(tiff) : TIFFNumberOfStrips(tiff)); ++i)
+      image.stored_bytes =
+          std::min<std::uint64_t>(image.stored_bytes + std::min(bytes[i], file.size()), file.size());
   return image;
 }
 

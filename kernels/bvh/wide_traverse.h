@@ -11,7 +11,8 @@
 #define NODES 0u, sizeof(WideNode)
 
 // Defines  uint2 NAME(const TREE* tree, const RAYS* rays, uint any, FOUND* found):
-// nodes and leaves (or what these count) visited. `any`, of one ray: its first hit ends it. TREE has nodes, a scene and BOUNDS_MEMBER.
+// nodes and leaves (or what these count) visited. `any`, of one ray: its first hit ends it. TREE has nodes, a
+// scene and BOUNDS_MEMBER.
 //   uint OPEN(node, rays, limit, stack, stack_t, depth): as open_node();
 //   bool LEAF(tree, leaf, rays, any, found, visited): true where it found something nearer;
 //   float LIMIT(found): how far the rays still go.

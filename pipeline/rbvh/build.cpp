@@ -85,7 +85,6 @@ Level build_of_primitives(const Scan& scan, const LevelRule& rule, const Lattice
 struct PrimitiveLevel {
   std::size_t number = 0;
   Scan simplified;
-  std::future<Level> level;
   BuildTimings time;
 };
 
@@ -93,7 +92,8 @@ struct PrimitiveLevel {
 /// simplified.
 void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rules, const Bounds3f& box,
                                 std::vector<Level>& levels, BuildTimings& time) {
-  std::deque<PrimitiveLevel> making;  // their addresses stay
+  std::deque<PrimitiveLevel> making;         // their addresses stay
+  std::vector<std::future<Level>> finished;  // after what they read: they are waited for first
   const Scan* finer = &scan;
   for (std::size_t i = 0; i < rules.size(); ++i) {
     const LevelRule& rule = rules[i];
@@ -106,12 +106,13 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
       own.time.simplify = watch.lap();
       finer = &own.simplified;
     }
-    own.level = std::async(std::launch::async, [&own, &rule, &box, finer] {
+    finished.push_back(std::async(std::launch::async, [&own, &rule, &box, finer] {
       return build_of_primitives(*finer, rule, lattice_of(rule.error, box), own.time);
-    });
+    }));
   }
-  for (PrimitiveLevel& own : making) {
-    levels[own.number] = own.level.get();
+  for (std::size_t i = 0; i < making.size(); ++i) {
+    const PrimitiveLevel& own = making[i];
+    levels[own.number] = finished[i].get();
     time.simplify += own.time.simplify;
     time.partition += own.time.partition;
     time.pack += own.time.pack;
@@ -120,7 +121,7 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
   }
 }
 
-/// Where nothing in its construction keeps the level's error.
+/// Nothing in its construction keeps a level's error for sure: quadrics let a thin plate shrink in its plane.
 void sample_error(const Device& device, const Scan& scan, const Bounds3f& box, Level& level) {
   if (level.error > 0)
     level.reached =
@@ -201,9 +202,8 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time.pack += host_time.pack;
   for (std::size_t i = 0; i < rules.size(); ++i)
     if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
-  if (scan.is_cloud())
-    for (std::size_t i = 0; i < rules.size(); ++i)
-      if (rules[i].holds_primitives) sample_error(device, scan, box, rbvh.levels[i]);
+  for (std::size_t i = 0; i < rules.size(); ++i)
+    if (rules[i].holds_primitives) sample_error(device, scan, box, rbvh.levels[i]);
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();
   rbvh.source.triangles = scan.triangles.size();

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstdlib>
-#include <limits>
 #include <utility>
 
 #include "pipeline/base/parallel_for.h"
@@ -110,9 +109,9 @@ std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan,
     }
   CoincidentCounts counts;
   const std::vector<FaceFate> fates =
-      settle_coincident(triangles, scan.positions, objects, std::numeric_limits<float>::infinity(), counts);
+      settle_coincident(triangles, scan.positions, objects, kLargestFold * bounds(scan).diagonal(), counts);
   for (std::size_t k = 0; k < fates.size(); ++k)
-    if (fates[k] == FaceFate::kGoes) stays[numbers[k]] = 0;
+    if (fates[k] == FaceFate::kGoes || fates[k] == FaceFate::kSheetsBack) stays[numbers[k]] = 0;
   std::size_t left = 0;
   for (std::size_t k = 0; k < level.tiles.size(); ++k) {
     const bool holds = level.tiles[k].decision == LeafDecision::kPrimitives;

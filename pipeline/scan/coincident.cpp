@@ -168,16 +168,21 @@ class Coincident {
   void close_from_edges(CoincidentCounts& counts) {
     std::deque<std::uint32_t> queue(pairs_.size());
     std::iota(queue.begin(), queue.end(), 0u);
+    std::vector<std::uint8_t> is_queued(pairs_.size(), 1);
     while (!queue.empty()) {
       Pair& pair = pairs_[queue.front()];
+      is_queued[queue.front()] = 0;
       queue.pop_front();
       if (pair.is_settled) continue;
       const int face = change(pair, 1) <= change(pair, -1) ? 1 : -1;
       if (change(pair, face) >= 0) continue;
       keep_one(pair, face, counts);
       for (const Side& side : pair.sides)
-        for (const std::uint32_t p : pairs_at_[side.edge])
-          if (!pairs_[p].is_settled) queue.push_back(p);
+        for (const std::uint32_t p : pairs_at_[side.edge]) {
+          if (pairs_[p].is_settled || is_queued[p] != 0) continue;
+          is_queued[p] = 1;
+          queue.push_back(p);
+        }
     }
   }
 

@@ -217,25 +217,26 @@ std::optional<Indices> simplify_in_parts(std::span<const Vec3f> positions, const
   return all;
 }
 
-/// Takes out flaps, which collapses leave where they fold triangles onto each other, and components of which
-/// nothing else is left.
-void drop_flaps(const std::vector<Vec3f>& positions, Indices& indices) {
+/// Takes out flaps, which collapses leave where they fold triangles onto each other. Large ones, such as a
+/// plate thinner than the error, become sheets, as at ingest.
+void drop_flaps(const Scan& scan, Indices& indices) {
   std::vector<Triangle> triangles(indices.size() / 3);
   for (std::size_t i = 0; i < indices.size(); ++i) triangles[i / 3][i % 3] = indices[i];
   CoincidentCounts counts;
   const std::vector<FaceFate> fates =
-      settle_coincident(triangles, positions, {}, std::numeric_limits<float>::infinity(), counts);
+      settle_coincident(triangles, scan.positions, {}, kLargestFold * bounds(scan).diagonal(), counts);
   if (fates.empty()) return;
   indices.clear();
   for (std::size_t i = 0; i < fates.size(); ++i)
-    if (fates[i] == FaceFate::kStays) indices.insert(indices.end(), triangles[i].begin(), triangles[i].end());
+    if (fates[i] == FaceFate::kStays || fates[i] == FaceFate::kSheet)
+      indices.insert(indices.end(), triangles[i].begin(), triangles[i].end());
 }
 
 Indices simplify_object(const Scan& scan, const Indices& indices, float error) {
   std::optional<Indices> fewer;
   if (indices.size() / 3 > 2 * kPartTriangles) fewer = simplify_in_parts(scan.positions, indices, error);
   if (!fewer) fewer = simplify_whole(scan.positions, indices, error);
-  drop_flaps(scan.positions, *fewer);
+  drop_flaps(scan, *fewer);
   keep_components(scan.positions.size(), indices, *fewer);
   return std::move(*fewer);
 }

@@ -132,6 +132,61 @@ TEST(LevelMesh, LevelsOfPrimitivesAreClosedWhereTheScanIs) {
   }
 }
 
+/// A ground with a fin on it, whose two sides are so far apart at their upper edge.
+Scan ground_with_fin(float thickness) {
+  constexpr std::uint32_t n = 20, rows = 8;
+  Scan scan;
+  const auto add = [&](float x, float y, float z) {
+    scan.positions.push_back({x, y, z});
+    return static_cast<std::uint32_t>(scan.positions.size() - 1);
+  };
+  const auto add_quad = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+    scan.triangles.insert(scan.triangles.end(), {{a, b, c}, {a, c, d}});
+  };
+  for (std::uint32_t y = 0; y <= n; ++y)
+    for (std::uint32_t x = 0; x <= n; ++x) add(static_cast<float>(x) / n, static_cast<float>(y) / n, 0);
+  for (std::uint32_t y = 0; y < n; ++y)
+    for (std::uint32_t x = 0; x < n; ++x)
+      add_quad(y * (n + 1) + x, y * (n + 1) + x + 1, (y + 1) * (n + 1) + x + 1, (y + 1) * (n + 1) + x);
+  std::vector<std::uint32_t> front(n + 1), back(n + 1);
+  for (std::uint32_t x = 0; x <= n; ++x) front[x] = back[x] = n / 2 * (n + 1) + x;
+  for (std::uint32_t row = 1; row <= rows; ++row) {
+    const std::vector<std::uint32_t> front_below = front, back_below = back;
+    for (std::uint32_t x = 0; x <= n; ++x) {
+      const float z = 0.05f * static_cast<float>(row);
+      front[x] = add(static_cast<float>(x) / n, 0.5f, z);
+      back[x] = thickness > 0 ? add(static_cast<float>(x) / n, 0.5f + thickness, z) : front[x];
+    }
+    for (std::uint32_t x = 0; x < n; ++x) {
+      add_quad(front_below[x], front_below[x + 1], front[x + 1], front[x]);
+      add_quad(back_below[x + 1], back_below[x], back[x], back[x + 1]);
+    }
+  }
+  if (thickness > 0)
+    for (std::uint32_t x = 0; x < n; ++x) add_quad(front[x], front[x + 1], back[x + 1], back[x]);
+  return scan;
+}
+
+TEST(LevelMesh, WhatIsThinnerThanALevelsErrorStaysOrTheLevelSaysThatItDoesNot) {
+  const Device device = Device::open();
+  for (const float thickness : {0.0f, 1e-5f, 1e-4f}) {
+    const Scan scan = ground_with_fin(thickness);
+    for (const bool by_density : {false, true}) {
+      BuildConfig build;
+      build.levels = standard_levels();
+      if (by_density)
+        for (LevelConfig& level : build.levels) level.error = 0;
+      build.hybrid = Hybrid::kAlways;
+      for (const Level& level : build_rbvh(device, scan, build).levels) {
+        const DistanceStatistics from_scan =
+            sampled_distance(surface_of(scan), ClosestPoint(surface_of(level_mesh(level, false))), 5000);
+        EXPECT_TRUE(from_scan.max < 2e-3 || (level.error > 0 && level.reached > level.error))
+            << level.name << " of a fin of " << thickness << ": " << from_scan.max;
+      }
+    }
+  }
+}
+
 TEST(LevelMesh, TrimmedTilesDoNotOverlap) {
   Scan scan;
   add_plate(scan, 300, 0.1f);
