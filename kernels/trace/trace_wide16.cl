@@ -1,7 +1,8 @@
 // wide16: a 16-wide hierarchy over triangles (default) or discs (-DDISCS). One ray a work-item: the ray is
 // tested against all boxes of a node, and all primitives of a block, in one vector instruction each. Or a
-// camera's beam of 64 rays a work-item (triangles only): the bounds of the rays against all boxes of a node at
-// once, and each triangle against the packets of 16 that may hit it. The default: nothing is faster on a CPU with wide vectors.
+// camera's beam of 64 rays a work-item (triangles only): the bounds of the rays against all boxes of a node
+// at once, and each triangle against the packets of 16 that may hit it. The default: nothing is faster on a
+// CPU with wide vectors.
 //
 //   WideNode, 448 bytes: the boxes of 16 children, one row of 16 floats a plane, then the children
 //   | lo.x 0..15 | lo.y 0..15 | lo.z 0..15 | hi.x 0..15 | hi.y 0..15 | hi.z 0..15 | child 0..15 |
