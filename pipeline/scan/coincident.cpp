@@ -16,7 +16,7 @@ namespace {
 struct Edge {
   std::uint32_t from, to;
   std::int32_t object;
-  auto operator<=>(const Edge&) const = default;  // NOLINT(modernize-use-nullptr): of the comparison that is made
+  auto operator<=>(const Edge&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 
 struct Side {
@@ -36,7 +36,7 @@ struct Face {
   std::uint64_t corners;  ///< the others, sorted
   std::int32_t object;
   std::uint32_t number;
-  auto operator<=>(const Face&) const = default;  // NOLINT(modernize-use-nullptr): of the comparison that is made
+  auto operator<=>(const Face&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 
 Triangle sorted(Triangle t) {
