@@ -216,4 +216,32 @@ static ALWAYS_INLINE void take_packet(const Found16* nearest, uint packet, BeamF
   found->of[packet] = *nearest;
   found->limits[packet] = greatest(nearest->t);
 }
+
+// Defines  bool NAME(of, beam, boxes, found): each packet against the things whose boxes it sees, one after
+// the other.
+//   uint TEST(of, lane, beam, packet, t, u, v, area): rays that hit it, as bits, at t; u / area and v / area
+//   are where on it; uint ID(of, lane), uint AT(of, lane): as in Found.
+#define DEFINE_INTERSECT_SEEN(NAME, OF, TEST, ID, AT)                                                     \
+  static ALWAYS_INLINE bool NAME(const OF* of, const Beam* b, const SeenBoxes* boxes, BeamFound* found) { \
+    bool any = false;                                                                                     \
+    for (uint packets = packets_before(b, found, boxes); packets != 0; packets &= packets - 1) {          \
+      const uint i = lowest_bit(packets);                                                                 \
+      Found16 nearest = found->of[i];                                                                     \
+      bool taken_any = false;                                                                             \
+      for (uint mask = boxes_seen(b, i, boxes); mask != 0; mask &= mask - 1) {                            \
+        const uint lane = lowest_bit(mask);                                                               \
+        float16 t, u, v, area;                                                                            \
+        const uint inside = TEST(of, lane, b, b->packets + i, &t, &u, &v, &area);                         \
+        if (inside == 0) continue;                                                                        \
+        const int16 taken =                                                                               \
+            lanes_of_bits16(inside) & (t >= 0.0f) & is_nearer_packet(t, ID(of, lane), &nearest);          \
+        if (lane_bits16(taken) == 0) continue;                                                            \
+        take_lanes(taken, t, u / area, v / area, ID(of, lane), AT(of, lane), &nearest);                   \
+        taken_any = true;                                                                                 \
+      }                                                                                                   \
+      if (taken_any) take_packet(&nearest, i, found);                                                     \
+      any |= taken_any;                                                                                   \
+    }                                                                                                     \
+    return any;                                                                                           \
+  }
 #endif

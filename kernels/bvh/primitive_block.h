@@ -1,5 +1,5 @@
 // Leaves of a wide hierarchy that are blocks of 8 triangles or, with -DDISCS, discs. One
-// ray is tested against all 8 at once, a packet against one after the other.
+// ray is tested against all 8 at once, a beam's packets against one after the other (triangles only).
 #ifndef RBVH_PRIMITIVE_BLOCK_H
 #define RBVH_PRIMITIVE_BLOCK_H
 #include "kernels/bvh/disc.h"
@@ -55,53 +55,54 @@ static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks,
   return mask != 0 && take_nearest(mask, t, v / area, w / area, blocks, block, found);
 }
 
+// A block's triangles as a beam sees them.
+typedef struct SeenBlock {
+  __global const PrimitiveBlock* block;
+  float ox, oy, oz;  // the beam's origin along kx, ky, kz
+  uint first_at;
+} SeenBlock;
+
+static ALWAYS_INLINE uint intersect_seen_triangle(const SeenBlock* s, uint lane, const Beam* b,
+                                                  const Packet* p, float16* t, float16* v, float16* w,
+                                                  float16* area) {
+#define CORNER(i)                                                                                 \
+  {                                                                                               \
+    s->block->rows[b->kx + 3 * (i)][lane] - s->ox, s->block->rows[b->ky + 3 * (i)][lane] - s->oy, \
+        s->block->rows[b->kz + 3 * (i)][lane] - s->oz                                             \
+  }
+  const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
+#undef CORNER
+  return intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, t, v, w, area);
+}
+
+static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) { return s->block->ids[lane]; }
+static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) { return s->first_at + lane; }
+
+DEFINE_INTERSECT_SEEN(intersect_seen_triangles, SeenBlock, intersect_seen_triangle, seen_id, seen_at)
+
 #define TWICE(row) (float16)(vload8(0, b->rows[row]), vload8(0, b->rows[row]))
 
 // The arithmetic is intersect_block()'s, so the hits are, where the beam agrees in its longest axis.
 static ALWAYS_INLINE bool intersect_block_beam(__global const PrimitiveBlock* blocks, uint block,
                                                const Beam* beam, BeamFound* found) {
   __global const PrimitiveBlock* b = blocks + block;
-  const float ox = beam->origin[beam->kx], oy = beam->origin[beam->ky], oz = beam->origin[beam->kz];
+  const SeenBlock s = {b, beam->origin[beam->kx], beam->origin[beam->ky], beam->origin[beam->kz],
+                       block * PRIMITIVE_BLOCK_WIDTH};
   SeenBoxes seen;
   seen.depth = FLT_MAX;
   for (uint i = 0; i < 3; ++i) {
-    const float16 z = TWICE(beam->kz + 3 * i) - oz, u = (TWICE(beam->kx + 3 * i) - ox) / z,
-                  v = (TWICE(beam->ky + 3 * i) - oy) / z;
+    const float16 z = TWICE(beam->kz + 3 * i) - s.oz, u = (TWICE(beam->kx + 3 * i) - s.ox) / z,
+                  v = (TWICE(beam->ky + 3 * i) - s.oy) / z;
     seen.lo[0] = i == 0 ? u : min(u, seen.lo[0]);
     seen.hi[0] = i == 0 ? u : max(u, seen.hi[0]);
     seen.lo[1] = i == 0 ? v : min(v, seen.lo[1]);
     seen.hi[1] = i == 0 ? v : max(v, seen.hi[1]);
     seen.depth = min(seen.depth, least(select((float16)(FLT_MAX), z * beam->side, z == z)));
   }
+#undef TWICE
   const float8 used = vload8(0, b->rows[0]);
   seen.used = lane_bits8(used == used);
-  bool any = false;
-  for (uint packets = packets_before(beam, found, &seen); packets != 0; packets &= packets - 1) {
-    const uint i = lowest_bit(packets);
-    const Packet* p = beam->packets + i;
-    Found16 nearest = found->of[i];
-    bool taken_any = false;
-    for (uint mask = boxes_seen(beam, i, &seen); mask != 0; mask &= mask - 1) {
-      const uint lane = lowest_bit(mask), at = block * PRIMITIVE_BLOCK_WIDTH + lane;
-#define CORNER(i)                                                                   \
-  {                                                                                 \
-    b->rows[beam->kx + 3 * (i)][lane] - ox, b->rows[beam->ky + 3 * (i)][lane] - oy, \
-        b->rows[beam->kz + 3 * (i)][lane] - oz                                      \
-  }
-      const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
-#undef CORNER
-      float16 t, v, w, area;
-      const uint inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &v, &w, &area);
-      if (inside == 0) continue;
-      const int16 taken = lanes_of_bits16(inside) & (t >= 0.0f) & is_nearer_packet(t, b->ids[lane], &nearest);
-      if (lane_bits16(taken) == 0) continue;
-      take_lanes(taken, t, v / area, w / area, b->ids[lane], at, &nearest);
-      taken_any = true;
-    }
-    if (taken_any) take_packet(&nearest, i, found);
-    any |= taken_any;
-  }
-  return any;
+  return intersect_seen_triangles(&s, beam, &seen, found);
 }
 #else
 static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at) {

@@ -17,6 +17,22 @@ static ALWAYS_INLINE void no_hits(HitLanes* h) {
   h->flags = 0;
 }
 
+// The different ones among the lanes of `which`, in the order of their first lanes, and their number. `slot`:
+// which of them each lane is.
+static ALWAYS_INLINE uint list_different(uint16 lanes, uint which, uint* different, int16* slot) {
+  uint all[16], count = 0;
+  vstore16(lanes, 0, all);
+  *slot = 0;
+  for (uint left = which; left != 0; ++count) {
+    const uint value = all[lowest_bit(left)];
+    const int16 alike = lanes == value;
+    different[count] = value;
+    *slot = select(*slot, (int16)((int)count), alike);
+    left &= ~lane_bits16(alike);
+  }
+  return count;
+}
+
 static ALWAYS_INLINE void store_hits(const HitLanes* h, Hit* hits) {
   const float16 *n = h->normal, rows[2][4] = {{h->t, n[0], n[1], n[2]},
                                               {h->u, h->v, as_float16(h->leaf), as_float16(h->flags)}};

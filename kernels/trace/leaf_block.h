@@ -1,6 +1,6 @@
 // Leaves of a level's wide hierarchy that are blocks of up to 16 triangles or, with -DDISCS, discs. One ray
-// is tested against all at once, a packet against one after the other. Triangles of a block share vertices,
-// which lie on the level's lattice (-DLATTICE) or anywhere.
+// is tested against all at once, a beam's packets against one after the other. Triangles of a block share
+// vertices, which lie on the level's lattice (-DLATTICE) or anywhere.
 #ifndef RBVH_LEAF_BLOCK_H
 #define RBVH_LEAF_BLOCK_H
 #include "kernels/bvh/disc.h"
@@ -91,6 +91,31 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Qu
   return mask != 0 && take_nearest(mask, t, areas.v, areas.w, areas.sum, tree->tile_count + at, at, found);
 }
 
+// A block's triangles as a beam sees them: the vertices from its origin, along kx, ky, kz.
+typedef struct SeenBlock {
+  __global const LeafBlock* block;
+  float vertices[3][16];
+  uint first_id, first_at;
+} SeenBlock;
+
+static ALWAYS_INLINE uint intersect_seen_triangle(const SeenBlock* s, uint lane, const Beam* b,
+                                                  const Packet* p, float16* t, float16* v, float16* w,
+                                                  float16* area) {
+#define CORNER(i)                                                                           \
+  {                                                                                         \
+    s->vertices[0][s->block->corners[i][lane]], s->vertices[1][s->block->corners[i][lane]], \
+        s->vertices[2][s->block->corners[i][lane]]                                          \
+  }
+  const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
+#undef CORNER
+  return intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, t, v, w, area);
+}
+
+static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) { return s->first_id + lane; }
+static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) { return s->first_at + lane; }
+
+DEFINE_INTERSECT_SEEN(intersect_seen_triangles, SeenBlock, intersect_seen_triangle, seen_id, seen_at)
+
 // Each triangle's box, seen from the rays' origin, tells which packets may hit it: most of a block's lie
 // beside a packet.
 static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
@@ -99,10 +124,13 @@ static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, con
   const float16 x = vertex_row(tree, l, b->kx, b->origin[b->kx]),
                 y = vertex_row(tree, l, b->ky, b->origin[b->ky]),
                 z = vertex_row(tree, l, b->kz, b->origin[b->kz]);
-  float seen[3][16];
-  vstore16(x, 0, seen[0]);
-  vstore16(y, 0, seen[1]);
-  vstore16(z, 0, seen[2]);
+  SeenBlock s;
+  s.block = l;
+  s.first_at = block * LEAF_BLOCK_WIDTH;
+  s.first_id = tree->tile_count + s.first_at;
+  vstore16(x, 0, s.vertices[0]);
+  vstore16(y, 0, s.vertices[1]);
+  vstore16(z, 0, s.vertices[2]);
   const int16 c0 = load_bytes(l->corners[0]), c1 = load_bytes(l->corners[1]), c2 = load_bytes(l->corners[2]);
   const float16 u = x / z, u0 = permute16(u, c0), u1 = permute16(u, c1), u2 = permute16(u, c2);
   const float16 v = y / z, v0 = permute16(v, c0), v1 = permute16(v, c1), v2 = permute16(v, c2);
@@ -110,31 +138,7 @@ static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, con
                            {max(u0, max(u1, u2)), max(v0, max(v1, v2))},
                            least(z * b->side),
                            lanes_in_use(l)};
-  bool any = false;
-  for (uint packets = packets_before(b, found, &boxes); packets != 0; packets &= packets - 1) {
-    const uint i = lowest_bit(packets);
-    const Packet* p = b->packets + i;
-    Found16 nearest = found->of[i];
-    bool taken_any = false;
-    for (uint mask = boxes_seen(b, i, &boxes); mask != 0; mask &= mask - 1) {
-      const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
-#define CORNER(i) \
-  { seen[0][l->corners[i][lane]], seen[1][l->corners[i][lane]], seen[2][l->corners[i][lane]] }
-      const float p0[3] = CORNER(0), p1[3] = CORNER(1), p2[3] = CORNER(2);
-#undef CORNER
-      float16 t, s, w, area;
-      const uint inside = intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, &t, &s, &w, &area);
-      if (inside == 0) continue;
-      const int16 taken =
-          lanes_of_bits16(inside) & (t >= 0.0f) & is_nearer_packet(t, tree->tile_count + at, &nearest);
-      if (lane_bits16(taken) == 0) continue;
-      take_lanes(taken, t, s / area, w / area, tree->tile_count + at, at, &nearest);
-      taken_any = true;
-    }
-    if (taken_any) take_packet(&nearest, i, found);
-    any |= taken_any;
-  }
-  return any;
+  return intersect_seen_triangles(&s, b, &boxes, found);
 }
 #else
 // The vector in rows `row` to `row` + 2 of one disc.
@@ -158,38 +162,40 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Qu
   return mask != 0 && take_nearest(mask, t, t, t, (float16)(1.0f), tree->tile_count + at, at, found);
 }
 
+typedef struct SeenBlock {
+  __global const LeafBlock* block;
+  uint first_id, first_at;
+} SeenBlock;
+
+static ALWAYS_INLINE uint intersect_seen_disc(const SeenBlock* s, uint lane, const Beam* b, const Packet* p,
+                                              float16* t, float16* u, float16* v, float16* area) {
+  __global const LeafBlock* l = s->block;
+  const float centre[3] = {l->rows[0][lane] - b->origin[0], l->rows[1][lane] - b->origin[1],
+                           l->rows[2][lane] - b->origin[2]};
+  const float normal[3] = {l->rows[3][lane], l->rows[4][lane], l->rows[5][lane]};
+  *u = *v = 0.0f;  // put_primitive_hits() finds the place
+  *area = 1.0f;
+  return lane_bits16(intersect_disc_packet(centre, normal, l->rows[6][lane], p->d, t));
+}
+
+static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) { return s->first_id + lane; }
+static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) { return s->first_at + lane; }
+
+DEFINE_INTERSECT_SEEN(intersect_seen_discs, SeenBlock, intersect_seen_disc, seen_id, seen_at)
+
 static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
                                                BeamFound* found) {
   __global const LeafBlock* l = tree->blocks + block;
+  const uint at = block * LEAF_BLOCK_WIDTH;
+  const SeenBlock s = {l, tree->tile_count + at, at};
   const float16 radius = vload16(0, l->rows[6]);
   const float16 x = vload16(0, l->rows[b->kx]) - b->origin[b->kx],
                 y = vload16(0, l->rows[b->ky]) - b->origin[b->ky],
                 z = (vload16(0, l->rows[b->kz]) - b->origin[b->kz]) * b->side;
-  SeenBoxes seen;
+  SeenBoxes boxes;
   see_boxes(b, x - radius, x + radius, y - radius, y + radius, z - radius, z + radius, lanes_in_use(l),
-            &seen);
-  bool any = false;
-  for (uint packets = packets_before(b, found, &seen); packets != 0; packets &= packets - 1) {
-    const uint i = lowest_bit(packets);
-    const Packet* p = b->packets + i;
-    Found16 nearest = found->of[i];
-    bool taken_any = false;
-    for (uint mask = boxes_seen(b, i, &seen); mask != 0; mask &= mask - 1) {
-      const uint lane = lowest_bit(mask), at = block * LEAF_BLOCK_WIDTH + lane;
-      const float centre[3] = {l->rows[0][lane] - b->origin[0], l->rows[1][lane] - b->origin[1],
-                               l->rows[2][lane] - b->origin[2]};
-      const float normal[3] = {l->rows[3][lane], l->rows[4][lane], l->rows[5][lane]};
-      float16 t;
-      const int16 inside = intersect_disc_packet(centre, normal, l->rows[6][lane], p->d, &t);
-      const int16 taken = inside & (t >= 0.0f) & is_nearer_packet(t, tree->tile_count + at, &nearest);
-      if (lane_bits16(taken) == 0) continue;
-      take_lanes(taken, t, t, t, tree->tile_count + at, at, &nearest);
-      taken_any = true;
-    }
-    if (taken_any) take_packet(&nearest, i, found);
-    any |= taken_any;
-  }
-  return any;
+            &boxes);
+  return intersect_seen_discs(&s, b, &boxes, found);
 }
 #endif
 #endif

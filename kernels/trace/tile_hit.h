@@ -109,28 +109,24 @@ static ALWAYS_INLINE void put_tile_hits(const Tree* tree, uint id, const Found16
 // The same for those that hit primitives. What is read of these is read once for all rays that hit the same.
 static ALWAYS_INLINE void put_primitive_hits(const Tree* tree, const Found16* found, const float16* o,
                                              const float16* d, int16 which, HitLanes* h) {
-  uint at[16];
+  uint primitives[16];
+  int16 slot;
+  const uint count = list_different(found->at, lane_bits16(which), primitives, &slot);
   float leaf[16], flags[16];  // bits
   float rows[9][16];
-  vstore16(found->at, 0, at);
-  int16 slot = 0;  // of each ray's primitive in these
-  uint count = 0;
-  for (uint left = lane_bits16(which), same; left != 0; left &= ~same, ++count) {
-    const uint primitive = at[lowest_bit(left)], lane = primitive % LEAF_BLOCK_WIDTH;
-    const int16 alike = found->at == primitive;
-    same = lane_bits16(alike);
-    slot = select(slot, (int16)((int)count), alike);
-    __global const LeafBlock* b = tree->blocks + primitive / LEAF_BLOCK_WIDTH;
-    leaf[count] = as_float(b->leaf);
-    flags[count] = as_float(primitive_flags(b, lane));
+  for (uint i = 0; i < count; ++i) {
+    const uint lane = primitives[i] % LEAF_BLOCK_WIDTH;
+    __global const LeafBlock* b = tree->blocks + primitives[i] / LEAF_BLOCK_WIDTH;
+    leaf[i] = as_float(b->leaf);
+    flags[i] = as_float(primitive_flags(b, lane));
 #ifdef DISCS
-    for (uint row = 0; row < 7; ++row) rows[row][count] = b->rows[row][lane];
+    for (uint row = 0; row < 7; ++row) rows[row][i] = b->rows[row][lane];
 #else
     for (uint k = 0; k < 3; ++k) {
       const float3 corner = block_vertex(tree, b, b->corners[k][lane]);
-      rows[3 * k][count] = corner.x;
-      rows[3 * k + 1][count] = corner.y;
-      rows[3 * k + 2][count] = corner.z;
+      rows[3 * k][i] = corner.x;
+      rows[3 * k + 1][i] = corner.y;
+      rows[3 * k + 2][i] = corner.z;
     }
 #endif
   }

@@ -47,20 +47,15 @@ static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, co
                                       const float16* d, HitLanes* h) {
   no_hits(h);
   const int16 hit = found->id != RBVH_NO_LEAF;
-  uint at[16];
-  float rows[9][16];
-  vstore16(found->at, 0, at);
-  int16 slot = 0;  // of each ray's triangle in these
-  uint count = 0;
-  for (uint left = lane_bits16(hit), same; left != 0; left &= ~same, ++count) {
-    const uint triangle = at[lowest_bit(left)];
-    const int16 alike = found->at == triangle;
-    same = lane_bits16(alike);
-    slot = select(slot, (int16)((int)count), alike);
-    __global const PrimitiveBlock* b = tree->primitives + triangle / PRIMITIVE_BLOCK_WIDTH;
-    for (uint row = 0; row < 9; ++row) rows[row][count] = b->rows[row][triangle % PRIMITIVE_BLOCK_WIDTH];
-  }
+  uint triangles[16];
+  int16 slot;
+  const uint count = list_different(found->at, lane_bits16(hit), triangles, &slot);
   if (count == 0) return;
+  float rows[9][16];
+  for (uint k = 0; k < count; ++k) {
+    __global const PrimitiveBlock* b = tree->primitives + triangles[k] / PRIMITIVE_BLOCK_WIDTH;
+    for (uint row = 0; row < 9; ++row) rows[row][k] = b->rows[row][triangles[k] % PRIMITIVE_BLOCK_WIDTH];
+  }
   float16 corners[9], n[3];
   for (uint row = 0; row < 9; ++row) corners[row] = permute16(vload16(0, rows[row]), slot);
   triangle_normals16(corners, corners + 3, corners + 6, n);
