@@ -13,6 +13,7 @@
 #include "cli/remedies.h"
 #include "cli/stages.h"
 #include "io/interrupts.h"
+#include "pipeline/base/text.h"
 
 namespace rbvh {
 namespace {
@@ -25,13 +26,6 @@ void occupy_standard_streams() {
     // Read-only where /dev/full is missing: writing fails all the same.
     if (open(stand_in, fd == 0 ? O_WRONLY : O_RDWR) < 0) open("/dev/null", O_RDONLY);
   }
-}
-
-std::string one_line(std::string text) {
-  for (char& c : text)
-    if (c == '\n' || c == '\r') c = ' ';
-  while (!text.empty() && text.back() == ' ') text.pop_back();
-  return text;
 }
 
 std::string stage_names(const CLI::App& app) {

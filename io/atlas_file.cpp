@@ -4,9 +4,11 @@
 #include <filesystem>
 
 #include "io/image_module.h"
+#include "io/max_expansion.h"
 #include "io/tiff_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/text.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 
 namespace rbvh {
@@ -18,8 +20,6 @@ namespace {
 constexpr int kZipLevel = 6;
 constexpr int kPredictorHorizontal = 2;
 constexpr std::uint32_t kTiffTile = 256;
-// What a byte of deflate can become at most (1032), and some room for tiles' padding.
-constexpr std::uint64_t kMaxExpansion = 1100;
 
 std::uint32_t tiff_tile(std::uint32_t size) {
   return std::min(kTiffTile, (size + 15) / 16 * 16);
@@ -59,11 +59,6 @@ void difference_rows(const Level& level, std::vector<std::uint16_t>& texels, boo
         row[x] = static_cast<std::uint16_t>(adds ? row[x] + above[x] : row[x] - above[x]);
     }
   }
-}
-
-std::string one_line(std::string why) {
-  std::replace(why.begin(), why.end(), '\n', ' ');
-  return why;
 }
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {

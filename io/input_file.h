@@ -1,5 +1,5 @@
-// A whole input in memory. Readers parse from here, so that every count can be checked against the bytes that
-// are there.
+// A whole input in memory: readers parse from here, so that every count can be checked against the bytes that
+// are there. And a stream of what is too long for that.
 #pragma once
 
 #include <cstddef>
@@ -32,9 +32,8 @@ class InputStream {
   InputStream& operator=(const InputStream&) = delete;
 
   const std::string& name() const { return name_; }
-  std::optional<std::uint64_t> file_bytes() const {
-    return file_bytes_;
-  }  ///< of a regular file that is named
+  /// Of a regular file that is named.
+  std::optional<std::uint64_t> file_bytes() const { return file_bytes_; }
   /// Fills `to`, or less at the end; how much.
   std::size_t read(std::span<std::byte> to);
   std::uint64_t skip();  ///< all that follow; how many

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 
+#include "io/max_expansion.h"
 #include "pipeline/base/error.h"
 #include "pipeline/rbvh/check_rbvh.h"
 #include "pipeline/rbvh/leaf_primitives.h"
@@ -16,9 +17,6 @@
 
 namespace rbvh {
 namespace {
-
-/// What a byte of a stream can become at most, as of the atlas.
-constexpr std::uint64_t kMaxExpansion = 1100;
 
 [[noreturn]] void refuse(const std::string& path, const Level& level, const char* what) {
   throw Error(ErrorKind::kInput, path,

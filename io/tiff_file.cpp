@@ -7,14 +7,14 @@
 #include <cstdio>
 #include <cstring>
 
+#include "io/max_expansion.h"
 #include "pipeline/base/parallel_for.h"
 
 namespace rbvh {
 namespace {
 
 constexpr std::uint32_t kLargestTile = 4096;
-constexpr std::uint64_t kMaxExpansion = 1100;  // of the file's bytes, as docs/file_format.md has it
-constexpr std::size_t kTileGrain = 8;          // decoded by one thread
+constexpr std::size_t kTileGrain = 8;  // decoded by one thread
 
 }  // namespace
 

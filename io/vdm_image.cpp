@@ -9,19 +9,13 @@
 
 #include "io/image_module.h"
 #include "io/input_file.h"
+#include "io/max_expansion.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/text.h"
 
 namespace rbvh {
 namespace {
-
-// What a byte of deflate can become at most (1032), and some room.
-constexpr std::uint64_t kMaxExpansion = 1100;
-
-std::string one_line(std::string why) {
-  std::replace(why.begin(), why.end(), '\n', ' ');
-  return why;
-}
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(ErrorKind::kInput, path, one_line(why) + "; bake the proxy again");

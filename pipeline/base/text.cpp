@@ -31,4 +31,11 @@ std::string counted(std::uint64_t count, const std::string& noun) {
   return std::to_string(count) + " " + (count == 1 ? noun : plural(noun));
 }
 
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r') c = ' ';
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
 }  // namespace rbvh

@@ -14,4 +14,7 @@ std::string plural(const std::string& noun);
 /// "1 level", "2 levels".
 std::string counted(std::uint64_t count, const std::string& noun);
 
+/// Line breaks become spaces, and those at the end go.
+std::string one_line(std::string text);
+
 }  // namespace rbvh
