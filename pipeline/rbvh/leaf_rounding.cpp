@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "pipeline/base/error.h"
@@ -23,6 +24,7 @@ constexpr double kSideRounding = 1e-5;
 constexpr float kFrameSteps = 1 << 20, kBoxSteps = 1 << 16;
 /// What is this close to a grid point lies on it: rounding twice must not move it further.
 constexpr double kOnGrid = 1e-2;
+constexpr int kMostRoundings = 8;
 
 std::int32_t to_int(double value) {
   return static_cast<std::int32_t>(std::clamp(value, -2147483647.0, 2147483647.0));
@@ -101,7 +103,9 @@ void rotate_as_stored(Scan& mesh) {
 
 float unround_radius(std::uint16_t code) { return static_cast<float>(side_of(code)); }
 
-RoundedFrame round_frame(const LeafGrid& grid, const float m[12]) {
+namespace {
+
+RoundedFrame round_once(const LeafGrid& grid, const float m[12]) {
   RoundedFrame frame;
   Vec3d rows[3], corner{};
   double lengths[3];
@@ -128,6 +132,23 @@ RoundedFrame round_frame(const LeafGrid& grid, const float m[12]) {
         (corner[axis] - static_cast<double>(grid.origin[axis])) / static_cast<double>(grid.frame_step)));
   frame.texels = {texel_code((1 + kSideRounding) / lengths[0]), texel_code((1 + kSideRounding) / lengths[1])};
   frame.quantum = round_quantum(1 / lengths[2]);
+  return frame;
+}
+
+}  // namespace
+
+RoundedFrame round_frame(const LeafGrid& grid, const float m[12]) {
+  // Where two parts of the quaternion are about the largest, what is read may round another way than what was
+  // written. So until it does not; or, of two that round to each other, the one of the lower part.
+  RoundedFrame frame = round_once(grid, m), before = frame;
+  for (int i = 0; i < kMostRoundings; ++i) {
+    float read[12];
+    unround_frame(grid, frame, read);
+    const RoundedFrame again = round_once(grid, read);
+    if (again == frame) break;
+    if (i > 0 && again == before) return again.largest < frame.largest ? again : frame;
+    before = std::exchange(frame, again);
+  }
   return frame;
 }
 

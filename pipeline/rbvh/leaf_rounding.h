@@ -31,7 +31,10 @@ struct RoundedFrame {
   std::array<std::int32_t, 3> corner{};
   std::array<std::uint16_t, 2> texels{};  ///< the sides of a texel: of a float's 32 bits those from bit 15 on
   float quantum = 0;                      ///< scan units
+
+  bool operator==(const RoundedFrame&) const = default;
 };
+/// What it returns, unround_frame() and it again give back.
 RoundedFrame round_frame(const LeafGrid& grid, const float to_tile[12]);
 void unround_frame(const LeafGrid& grid, const RoundedFrame& frame, float to_tile[12]);
 

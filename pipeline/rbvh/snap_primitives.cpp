@@ -94,6 +94,7 @@ std::uint32_t PrimitiveVertices::add(std::uint32_t vertex) {
 std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan, const Lattice& lattice) {
   if (scan.is_cloud()) return {};
   std::vector<std::uint32_t> first = first_at_place(level, scan, lattice);
+  if (!(lattice.step > 0)) return first;  // nothing was rounded: the scan's triangles stay as they are
   std::vector<Triangle> triangles;
   std::vector<std::uint32_t> numbers;  // in the scan
   std::vector<std::int32_t> objects;

@@ -14,9 +14,10 @@ namespace rbvh {
 /// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
 inline constexpr float kSameNormal = 0.94f;
 
-/// Takes triangles out of the leaves that hold these: those of which the lattice leaves no area, and those
-/// that settle_coincident() takes there, flaps as large as at ingest. Leaves that are left empty go, but for
-/// the last. Returns for each vertex that is held the first at its place on the lattice; of a cloud nothing.
+/// Where there is a lattice, takes triangles out of the leaves that hold these: those of which the lattice
+/// leaves no area, and those that settle_coincident() takes there, flaps as large as at ingest. Leaves that
+/// are left empty go, but for the last. Returns for each vertex that is held the first at its place on the
+/// lattice; of a cloud nothing.
 std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan, const Lattice& lattice);
 
 /// Gathers the vertices that a level's primitives use, numbered by first use. Those of triangles that are at
