@@ -14,7 +14,7 @@
 
 typedef struct Packet {
   float16 d[3];
-  float16 sx, sy, sz;  // shear along the beam's kz, as in Query
+  float16 sx, sy, sz;  // shear along the beam's kz, as in PreparedRay
 } Packet;
 
 typedef struct Beam {

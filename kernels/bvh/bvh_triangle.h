@@ -4,7 +4,7 @@
 #include "kernels/bvh/triangle.h"
 
 // True where the triangle takes the place of what was found.
-static inline bool intersect_triangle(__global const BvhTriangle* triangles, uint at, const Query* q,
+static inline bool intersect_triangle(__global const BvhTriangle* triangles, uint at, const PreparedRay* q,
                                       Found* found) {
   __global const BvhTriangle* p = triangles + at;
   const float ox = q->origin[q->kx], oy = q->origin[q->ky], oz = q->origin[q->kz];
@@ -19,7 +19,7 @@ static inline bool intersect_triangle(__global const BvhTriangle* triangles, uin
 }
 
 // A BVH's leaf: triangles from `at` to the next one marked as the last. True where one was taken.
-static inline bool intersect_triangles(__global const BvhTriangle* triangles, uint at, const Query* q,
+static inline bool intersect_triangles(__global const BvhTriangle* triangles, uint at, const PreparedRay* q,
                                        uint any, Found* found, uint2* visited) {
   bool taken = false;
   for (bool last = false; !last; ++at) {

@@ -1,7 +1,7 @@
 // The disc test.
 #ifndef RBVH_DISC_H
 #define RBVH_DISC_H
-#include "kernels/bvh/ray_query.h"
+#include "kernels/bvh/prepared_ray.h"
 #include "kernels/common/lanes.h"
 
 #pragma OPENCL FP_CONTRACT OFF

@@ -1,7 +1,7 @@
 // The nearest hits so far of sixteen rays, as Found.
 #ifndef RBVH_FOUND_LANES_H
 #define RBVH_FOUND_LANES_H
-#include "kernels/bvh/ray_query.h"
+#include "kernels/bvh/prepared_ray.h"
 
 typedef struct Found16 {
   float16 t, u, v;

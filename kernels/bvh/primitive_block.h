@@ -38,8 +38,8 @@ static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at)
                          block_vector(blocks, at, 6));
 }
 
-static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block, const Query* q,
-                                          Found* found) {
+static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block,
+                                          const PreparedRay* q, Found* found) {
   __global const PrimitiveBlock* b = blocks + block;
 #define CORNER(i)                                                                             \
   {                                                                                           \
@@ -109,8 +109,8 @@ static inline float3 unit_normal(__global const PrimitiveBlock* blocks, uint at)
   return block_vector(blocks, at, 3);
 }
 
-static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block, const Query* q,
-                                          Found* found) {
+static ALWAYS_INLINE bool intersect_block(__global const PrimitiveBlock* blocks, uint block,
+                                          const PreparedRay* q, Found* found) {
   __global const PrimitiveBlock* b = blocks + block;
   const float8 centre[3] = {vload8(0, b->rows[0]) - q->origin[0], vload8(0, b->rows[1]) - q->origin[1],
                             vload8(0, b->rows[2]) - q->origin[2]};

@@ -3,7 +3,7 @@
 // triangles that share an edge see the same edge; a sign that float cannot tell is found in double.
 #ifndef RBVH_TRIANGLE_H
 #define RBVH_TRIANGLE_H
-#include "kernels/bvh/ray_query.h"
+#include "kernels/bvh/prepared_ray.h"
 #include "kernels/common/lanes.h"
 
 // A fused product would differ from the one that the neighbouring triangle has.

@@ -2,14 +2,14 @@
 // at once. And the stack of what is still to be visited.
 #ifndef RBVH_WIDE_NODE_H
 #define RBVH_WIDE_NODE_H
-#include "kernels/bvh/ray_query.h"
+#include "kernels/bvh/prepared_ray.h"
 #include "kernels/common/lanes.h"
 
 // Multiply-adds may be fused in the box tests: they round less then, and the error bound holds.
 #pragma OPENCL FP_CONTRACT ON
 
 // Children that the ray enters between tmin and `limit`, as bits; where in `entry`.
-static ALWAYS_INLINE uint intersect_children(__global const WideNode* node, const Query* q, float limit,
+static ALWAYS_INLINE uint intersect_children(__global const WideNode* node, const PreparedRay* q, float limit,
                                              float16* entry) {
 #define PLANES(row, i, offset) (vload16(0, node->planes[q->row[i]]) * q->inverse[i] + q->offset[i])
   const float16 enter = max(max(PLANES(near_row, 0, near_offset), PLANES(near_row, 1, near_offset)),
@@ -22,8 +22,8 @@ static ALWAYS_INLINE uint intersect_children(__global const WideNode* node, cons
 }
 
 // What a packet's rays have in common, for interval arithmetic: the least tmin, and per axis the least and
-// the greatest inverse direction with their offsets, as in Query. Along an axis in which the rays' signs
-// differ `inverse` is 0 and the offsets are infinite in effect: it excludes nothing.
+// the greatest inverse direction with their offsets, as in PreparedRay. Along an axis in which the rays'
+// signs differ `inverse` is 0 and the offsets are infinite in effect: it excludes nothing.
 typedef struct PacketBounds {
   float tmin;
   float inverse[3][2], near_offset[3][2], far_offset[3][2];
@@ -95,8 +95,8 @@ static ALWAYS_INLINE uint take_children(__global const uint* children, uint base
 
 // The nearest of the node's children that the ray enters up to `limit`, 0 for none; the others go on the
 // stack.
-static ALWAYS_INLINE uint open_node(__global const WideNode* node, const Query* q, float limit, uint* stack,
-                                    float* stack_t, uint* depth) {
+static ALWAYS_INLINE uint open_node(__global const WideNode* node, const PreparedRay* q, float limit,
+                                    uint* stack, float* stack_t, uint* depth) {
   float16 entry;
   const uint mask = intersect_children(node, q, limit, &entry);
   return mask == 0 ? 0 : take_children(node->children, 0, mask, entry, stack, stack_t, depth);

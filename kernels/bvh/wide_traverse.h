@@ -41,31 +41,31 @@
     return visited;                                                                             \
   }
 
-// Defines  uint2 NAME(tree, query, found): whether a ray is occluded up to found->t, and by what. As the
+// Defines  uint2 NAME(tree, q, found): whether a ray is occluded up to found->t, and by what. As the
 // first hit ends it, children are not sorted: the largest is visited first (they are stored so).
-#define DEFINE_OCCLUDED(NAME, TREE, LEAF)                                           \
-  static ALWAYS_INLINE uint2 NAME(const TREE* tree, const Query* q, Found* found) { \
-    uint stack[STACK], depth = 0, current = tree->scene->root;                      \
-    uint2 visited = (uint2)(0u);                                                    \
-    for (;;) {                                                                      \
-      if (current & BVH_LEAF_BIT) {                                                 \
-        if (LEAF(tree, current & ~BVH_LEAF_BIT, q, 1, found, &visited)) break;      \
-      } else {                                                                      \
-        ++visited.x;                                                                \
-        if (!IN_BOUNDS(tree->bounds, NODES, current, 1)) break;                     \
-        __global const WideNode* node = tree->nodes + current;                      \
-        float16 entry;                                                              \
-        uint mask = intersect_children(node, q, found->t, &entry);                  \
-        if (mask != 0) {                                                            \
-          current = node->children[lowest_bit(mask)];                               \
-          for (mask &= mask - 1; mask != 0; mask &= mask - 1)                       \
-            stack[depth++] = node->children[lowest_bit(mask)];                      \
-          continue;                                                                 \
-        }                                                                           \
-      }                                                                             \
-      if (depth == 0) break;                                                        \
-      current = stack[--depth];                                                     \
-    }                                                                               \
-    return visited;                                                                 \
+#define DEFINE_OCCLUDED(NAME, TREE, LEAF)                                                 \
+  static ALWAYS_INLINE uint2 NAME(const TREE* tree, const PreparedRay* q, Found* found) { \
+    uint stack[STACK], depth = 0, current = tree->scene->root;                            \
+    uint2 visited = (uint2)(0u);                                                          \
+    for (;;) {                                                                            \
+      if (current & BVH_LEAF_BIT) {                                                       \
+        if (LEAF(tree, current & ~BVH_LEAF_BIT, q, 1, found, &visited)) break;            \
+      } else {                                                                            \
+        ++visited.x;                                                                      \
+        if (!IN_BOUNDS(tree->bounds, NODES, current, 1)) break;                           \
+        __global const WideNode* node = tree->nodes + current;                            \
+        float16 entry;                                                                    \
+        uint mask = intersect_children(node, q, found->t, &entry);                        \
+        if (mask != 0) {                                                                  \
+          current = node->children[lowest_bit(mask)];                                     \
+          for (mask &= mask - 1; mask != 0; mask &= mask - 1)                             \
+            stack[depth++] = node->children[lowest_bit(mask)];                            \
+          continue;                                                                       \
+        }                                                                                 \
+      }                                                                                   \
+      if (depth == 0) break;                                                              \
+      current = stack[--depth];                                                           \
+    }                                                                                     \
+    return visited;                                                                       \
   }
 #endif

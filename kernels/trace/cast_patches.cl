@@ -43,7 +43,7 @@ static inline uint cast_ray(const CastScene* scene, const PatchJob* job, PatchTr
   __global const PatchInstance* instance = scene->instances + job->instance;
   __global const Patch* p = scene->patches + job->patch;
   const Ray ray = instance_ray(instance, world);
-  Query q;
+  PreparedRay q;
   if (!prepare_in(instance, &ray, &q) || (any && found->hit == FOUND_BEFORE)) return 0;
   const PatchRay pr = patch_ray(p, &q);
   float16 entry;

@@ -1,7 +1,7 @@
 // The kernels that cast one ray a work-item, the same for all tracers. The file that includes this has
 // defined
 //   Tree, TREE_ARGUMENTS, TREE              what rays are cast at, the arguments it is made of, and how,
-//   uint2 traverse(tree, query, any, found) the traversal; returns nodes and leaves visited,
+//   uint2 traverse(tree, q, any, found)     the traversal; returns nodes and leaves visited,
 //   Hit make_hit(tree, found, ray).
 #include "kernels/common/bounds.h"
 #include "kernels/common/camera_rays.h"
@@ -9,7 +9,7 @@
 // Nearest hit, or any if `any` is set. Returns nodes and leaves visited.
 static inline uint2 trace(const Tree* tree, const Ray* ray, uint any, Found* found) {
   *found = (Found){min(ray->tmax, FLT_MAX), 0.0f, 0.0f, RBVH_NO_LEAF, 0u};
-  Query q;
+  PreparedRay q;
   if (!prepare(ray, tree->scene, &q)) return (uint2)(0u);
   return traverse(tree, &q, any, found);
 }

@@ -15,16 +15,16 @@ __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint co
   for (uint i = 0; i < used; ++i) own[i] = rays[first + i];
   RayLanes lanes_of_rays;
   load_lanes(own, used, &lanes_of_rays);
-  QueryLanes queries;
-  prepare_lanes(&lanes_of_rays, &scene, &queries);
+  PreparedLanes prepared;
+  prepare_lanes(&lanes_of_rays, &scene, &prepared);
   float t[PACKET], u[PACKET], v[PACKET];
   uint id[PACKET], place[PACKET];
   for (uint i = 0; i < PACKET; ++i) {
     Found nearest = {0.0f, 0.0f, 0.0f, RBVH_NO_LEAF, 0u};
     uint2 visited = (uint2)(0u);
-    if (queries.valid >> i & 1) {
-      Query q;
-      query_of(&queries, i, &q);
+    if (prepared.valid >> i & 1) {
+      PreparedRay q;
+      prepared_ray_of(&prepared, i, &q);
       nearest.t = min(own[i].tmax, FLT_MAX);
       visited = any ? occluded(&tree, &q, &nearest) : traverse(&tree, &q, 0, &nearest);
     }

@@ -71,7 +71,7 @@ static inline float3 unit_normal(const Tree* tree, uint at) {
 }
 
 // Each vertex is sheared once for all triangles.
-static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {
+static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const PreparedRay* q, Found* found) {
   __global const LeafBlock* b = tree->blocks + block;
   const float16 z = vertex_row(tree, b, q->kz, q->oz);
   const float16 x = vertex_row(tree, b, q->kx, q->ox) - q->sx * z;
@@ -150,7 +150,7 @@ static inline float3 unit_normal(const Tree* tree, uint at) {
   return block_vector(tree->blocks + at / LEAF_BLOCK_WIDTH, at % LEAF_BLOCK_WIDTH, 3);
 }
 
-static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Query* q, Found* found) {
+static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const PreparedRay* q, Found* found) {
   __global const LeafBlock* b = tree->blocks + block;
   const float16 centre[3] = {vload16(0, b->rows[0]) - q->origin[0], vload16(0, b->rows[1]) - q->origin[1],
                              vload16(0, b->rows[2]) - q->origin[2]};

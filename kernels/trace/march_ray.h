@@ -1,7 +1,7 @@
 // One ray marches a tile, sixteen grid lines at a time.
 #ifndef RBVH_MARCH_RAY_H
 #define RBVH_MARCH_RAY_H
-#include "kernels/bvh/ray_query.h"
+#include "kernels/bvh/prepared_ray.h"
 #include "kernels/trace/march.h"
 
 #pragma OPENCL FP_CONTRACT ON
@@ -17,7 +17,8 @@ typedef struct TileRay {
 } TileRay;
 
 // False where the ray misses the tile's slab, between its rectangle's edges and 0 and the greatest height.
-static ALWAYS_INLINE bool enter_tile(__global const RbvhTile* tile, const Query* q, float limit, TileRay* r) {
+static ALWAYS_INLINE bool enter_tile(__global const RbvhTile* tile, const PreparedRay* q, float limit,
+                                     TileRay* r) {
   const float* o = q->origin;
   const float* d = q->direction;
   __global const float* m = tile->columns;
@@ -43,7 +44,8 @@ static ALWAYS_INLINE bool enter_tile(__global const RbvhTile* tile, const Query*
 }
 
 // Takes the first crossing of the tile where it is nearer than what was found. Counts lines by sixteen.
-static ALWAYS_INLINE bool march(const Tree* tree, uint id, const Query* q, Found* found, uint2* visited) {
+static ALWAYS_INLINE bool march(const Tree* tree, uint id, const PreparedRay* q, Found* found,
+                                uint2* visited) {
   __global const RbvhTile* tile = tree->tiles + id;
   TileRay r;
   if (!enter_tile(tile, q, found->t, &r)) return false;

@@ -3,7 +3,7 @@
 #define RBVH_PATCH_INSTANCE_H
 #include "kernels/common/no_hit.h"
 #include "kernels/common/object_ray.h"
-#include "kernels/trace/patch_query.h"
+#include "kernels/trace/micro_quad.h"
 
 static inline Ray instance_ray(__global const PatchInstance* instance, const Ray* ray) {
   const PatchInstance placed = *instance;
@@ -22,7 +22,7 @@ static inline BvhRoot instance_box(__global const PatchInstance* instance) {
 }
 
 // prepare() with the object's box, by which rounding errors are bounded.
-static inline bool prepare_in(__global const PatchInstance* instance, const Ray* ray, Query* q) {
+static inline bool prepare_in(__global const PatchInstance* instance, const Ray* ray, PreparedRay* q) {
   const BvhRoot box = instance_box(instance);
   return prepare(ray, &box, q);
 }

@@ -12,7 +12,7 @@ typedef struct Interleaved {
   uint stage;    // AT_*
   uint depths[2], patch_depth;
   __global const PatchInstance* instance;
-  Query queries[2];  // among instances, among an instance's patches
+  PreparedRay prepared[2];  // among instances, among an instance's patches
   InPatch in;
   uint stacks[2][STACK], patch_stack[PATCH_STACK];
   float stacks_t[2][STACK], patch_stack_t[PATCH_STACK];
@@ -33,7 +33,7 @@ typedef struct Interleaved {
 static inline bool enter_instance(const PatchScene* scene, uint at, Interleaved* one, Search* s) {
   __global const PatchInstance* instance = one->instance = scene->instances + at;
   const Ray ray = instance_ray(instance, s->world);
-  if (!prepare_in(instance, &ray, &one->queries[AT_PATCHES])) return false;
+  if (!prepare_in(instance, &ray, &one->prepared[AT_PATCHES])) return false;
   s->resolved = detail_of(s->detail, ray_speed(&ray));
   one->stage = AT_PATCHES;
   one->current = instance->root;
@@ -60,7 +60,7 @@ static uint advance_to_patch(const PatchScene* scene, Interleaved* one, Search* 
     }
     if (!(one->current & BVH_LEAF_BIT)) {
       ++s->visited;
-      one->current = open_node(scene->nodes + one->current, &one->queries[stage], search_limit(s),
+      one->current = open_node(scene->nodes + one->current, &one->prepared[stage], search_limit(s),
                                one->stacks[stage], one->stacks_t[stage], &one->depths[stage]);
       is_done = one->current == 0;
     } else if (stage == AT_INSTANCES) {
@@ -83,7 +83,7 @@ static inline uint advance_in_patch(const PatchScene* scene, Interleaved* one, S
 }
 
 static inline uint start_patch(const PatchScene* scene, Interleaved* one, Search* s) {
-  const Query* q = &one->queries[AT_PATCHES];
+  const PreparedRay* q = &one->prepared[AT_PATCHES];
   uint parts;
   float16 entry;
   const uint patch = one->instance->first_patch + (one->current & ~BVH_LEAF_BIT);
@@ -103,7 +103,7 @@ static inline uint start_patch(const PatchScene* scene, Interleaved* one, Search
 static inline uint visit_block(const PatchScene* scene, Interleaved* one, Search* s) {
   InPatch* in = &one->in;
   one->current =
-      visit_patch(&in->tree, one->current, &one->queries[AT_PATCHES], &in->ray, s->any, one->patch_stack,
+      visit_patch(&in->tree, one->current, &one->prepared[AT_PATCHES], &in->ray, s->any, one->patch_stack,
                   one->patch_stack_t, &one->patch_depth, &in->found, &s->visited);
   return advance_in_patch(scene, one, s);
 }
@@ -113,18 +113,18 @@ static inline uint visit_block(const PatchScene* scene, Interleaved* one, Search
 static void intersect_interleaved(const PatchScene* scene, const BvhRoot* box, uint root, uint at,
                                   const RayLanes* rays, Search* s) {
   Interleaved all[PACKET];
-  QueryLanes queries;
-  prepare_lanes(rays, box, &queries);
+  PreparedLanes prepared;
+  prepare_lanes(rays, box, &prepared);
   uint waiting[WAITS] = {0, 0, 0, 0};
-  for (uint lanes = queries.valid; lanes != 0; lanes &= lanes - 1) {
+  for (uint lanes = prepared.valid; lanes != 0; lanes &= lanes - 1) {
     const uint i = lowest_bit(lanes);
     if (s[i].any && s[i].leaf_before != RBVH_NO_LEAF) continue;
     Interleaved* one = all + i;
     one->stage = at == RBVH_NO_LEAF ? AT_INSTANCES : AT_PATCHES;
     one->depths[AT_INSTANCES] = one->depths[AT_PATCHES] = 0;
     one->current = root;
-    Query* q = &one->queries[one->stage];
-    query_of(&queries, i, q);
+    PreparedRay* q = &one->prepared[one->stage];
+    prepared_ray_of(&prepared, i, q);
     if (at != RBVH_NO_LEAF) {
       one->instance = scene->instances + at;
       s[i].resolved = detail_of(s[i].detail, length(vload3(0, q->direction)));

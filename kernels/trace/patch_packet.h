@@ -14,7 +14,7 @@
 
 // Prepared rays; those that can hit anything agree in their longest axis and in all signs.
 typedef struct Packet {
-  Query rays[PACKET];  // what micro-quads need; complete for rays in `whole`, as bits
+  PreparedRay rays[PACKET];  // what micro-quads need; complete for rays in `whole`, as bits
   uint whole;
   uint lanes;   // rays that can hit anything, as bits
   float speed;  // the longest direction's length
@@ -129,7 +129,7 @@ static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p
   vstore16(1.0f / c.d[kz], 0, words[5]);
   vstore16(rays->tmin, 0, words[6]);
   for (uint i = 0; i < PACKET; ++i) {
-    Query* q = p->rays + i;
+    PreparedRay* q = p->rays + i;
     for (uint axis = 0; axis < 3; ++axis) q->origin[axis] = words[axis][i];
     q->kx = kx;
     q->ky = ky;

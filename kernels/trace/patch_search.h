@@ -47,7 +47,7 @@ typedef struct InPatch {
 
 // Whether the ray traverses the patch's hierarchy now; `parts`, `entry`: the parts it intersects, and where.
 static inline bool enter_patch(const PatchScene* scene, __global const PatchInstance* instance, uint patch,
-                               const Query* q, Search* s, InPatch* in, uint* parts, float16* entry) {
+                               const PreparedRay* q, Search* s, InPatch* in, uint* parts, float16* entry) {
   __global const Patch* p = scene->patches + patch;
   in->ray = patch_ray(p, q);
   *parts = intersect_planes16(scene->parts[patch].planes, q, &in->ray, search_limit(s), entry);
@@ -78,7 +78,7 @@ static inline void leave_patch(__global const PatchInstance* instance, InPatch* 
 }
 
 static inline void intersect_patch(const PatchScene* scene, __global const PatchInstance* instance,
-                                   uint patch, const Query* q, Search* s) {
+                                   uint patch, const PreparedRay* q, Search* s) {
   InPatch in;
   uint parts;
   float16 entry;

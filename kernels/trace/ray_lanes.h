@@ -1,7 +1,7 @@
-// Sixteen rays side by side: placed into an object's space, tested against a box, prepared as queries.
+// Sixteen rays side by side: placed into an object's space, tested against a box, prepared.
 #ifndef RBVH_RAY_LANES_H
 #define RBVH_RAY_LANES_H
-#include "kernels/bvh/ray_query.h"
+#include "kernels/bvh/prepared_ray.h"
 #include "kernels/common/lanes.h"
 
 #define PACKET 16
@@ -64,17 +64,17 @@ static inline uint intersect_box_lanes(const RayLanes* rays, const BvhRoot* box,
   return lane_bits16(enter <= leave) & rays->used;
 }
 
-// Queries side by side; `valid`: rays that can hit anything, as bits.
-typedef struct QueryLanes {
+// Prepared rays side by side; `valid`: rays that can hit anything, as bits.
+typedef struct PreparedLanes {
   float origin[3][PACKET], direction[3][PACKET], tmin[PACKET];
   float sx[PACKET], sy[PACKET], sz[PACKET];
   float inverse[3][PACKET], near_offset[3][PACKET], far_offset[3][PACKET];
   uint kz[PACKET];
   uint valid;
-} QueryLanes;
+} PreparedLanes;
 
 // The same arithmetic as prepare().
-static inline void prepare_lanes(const RayLanes* rays, const BvhRoot* scene, QueryLanes* q) {
+static inline void prepare_lanes(const RayLanes* rays, const BvhRoot* scene, PreparedLanes* q) {
   const float16 *o = rays->origin, *d = rays->direction;
   int16 valid = rays->tmin <= rays->tmax;
   float16 reach = 0.0f;
@@ -108,8 +108,8 @@ static inline void prepare_lanes(const RayLanes* rays, const BvhRoot* scene, Que
   }
 }
 
-// Ray i's query.
-static inline void query_of(const QueryLanes* lanes, uint i, Query* q) {
+// Ray i, prepared.
+static inline void prepared_ray_of(const PreparedLanes* lanes, uint i, PreparedRay* q) {
   for (uint axis = 0; axis < 3; ++axis) {
     q->origin[axis] = lanes->origin[axis][i];
     q->direction[axis] = lanes->direction[axis][i];

@@ -16,9 +16,9 @@
 #include "kernels/trace/exact_tree.h"
 
 // 1 where the second of two children parted along the link's axis comes first on the ray.
-static inline uint nearer(uint link, const Query* q) { return q->near_row[link >> 29 & 3] > 2 ? 1 : 0; }
+static inline uint nearer(uint link, const PreparedRay* q) { return q->near_row[link >> 29 & 3] > 2 ? 1 : 0; }
 
-static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) {
+static uint2 traverse(const Tree* tree, const PreparedRay* q, uint any, Found* found) {
   uint2 visited = (uint2)(0u);
   uint current = 0;
   bool is_first = true;  // of the two siblings: came from above

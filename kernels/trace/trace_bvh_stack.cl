@@ -14,7 +14,7 @@
 #define PRIMITIVE BvhTriangle
 #include "kernels/trace/exact_tree.h"
 
-static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) {
+static uint2 traverse(const Tree* tree, const PreparedRay* q, uint any, Found* found) {
   uint stack[STACK];
   float stack_t[STACK];
   uint depth = 0, current = tree->scene->root;

@@ -60,7 +60,7 @@ static inline uint trail_advance(Trail* trail, uint level) {
 }
 #endif
 
-static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) {
+static uint2 traverse(const Tree* tree, const PreparedRay* q, uint any, Found* found) {
   uint2 visited = (uint2)(0u);
   Trail trail = no_trail();
   uint passed[KEPT], newest = 0, kept = 0;

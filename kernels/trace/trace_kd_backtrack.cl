@@ -13,7 +13,7 @@
 #define PRIMITIVE BvhTriangle
 #include "kernels/trace/exact_tree.h"
 
-static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) {
+static uint2 traverse(const Tree* tree, const PreparedRay* q, uint any, Found* found) {
   uint2 visited = (uint2)(0u);
   uint current = 0;
   float2 t = scene_interval(tree->scene, q);  // the part of the ray in the node's cell

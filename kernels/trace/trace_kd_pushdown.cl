@@ -18,7 +18,7 @@
 
 #define KEPT 4u  // cells passed by, a power of two
 
-static uint2 traverse(const Tree* tree, const Query* q, uint any, Found* found) {
+static uint2 traverse(const Tree* tree, const PreparedRay* q, uint any, Found* found) {
   uint2 visited = (uint2)(0u);
   uint start = 0, current = 0;
   float2 start_t = scene_interval(tree->scene, q);  // the part of the ray in the start's cell

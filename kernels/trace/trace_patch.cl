@@ -11,7 +11,7 @@
 static inline void intersect_instance(const PatchScene* scene, uint at, const Ray* world, Search* s) {
   __global const PatchInstance* instance = scene->instances + at;
   const Ray ray = instance_ray(instance, world);
-  Query q;
+  PreparedRay q;
   if (!prepare_in(instance, &ray, &q)) return;
   s->resolved = detail_of(s->detail, ray_speed(&ray));
   uint stack[STACK], depth = 0, current = instance->root;
@@ -38,7 +38,7 @@ static inline void intersect_all(const PatchScene* scene, const BvhRoot* top, co
     intersect_instance(scene, top->root & ~BVH_LEAF_BIT, ray, s);
     return;
   }
-  Query q;
+  PreparedRay q;
   if (!prepare(ray, top, &q)) return;
   uint stack[STACK], depth = 0, current = top->root;
   float stack_t[STACK];

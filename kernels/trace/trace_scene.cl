@@ -16,7 +16,7 @@
 static inline uint find_instances(__global const WideNode* nodes, const BvhRoot* top,
                                   __global const ScenePlacement* placements, const Ray* ray, float limit,
                                   NearestFew* few) {
-  Query q;
+  PreparedRay q;
   if (!prepare(ray, top, &q)) return 0;
   uint stack[STACK], depth = 0, current = top->root, visited = 0;
   float stack_t[STACK];

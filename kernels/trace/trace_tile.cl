@@ -7,8 +7,8 @@
 #include "kernels/trace/march_ray.h"
 #include "kernels/trace/tile_hit.h"
 
-static ALWAYS_INLINE bool intersect_element(const Tree* tree, uint id, const Query* q, uint any, Found* found,
-                                            uint2* visited) {
+static ALWAYS_INLINE bool intersect_element(const Tree* tree, uint id, const PreparedRay* q, uint any,
+                                            Found* found, uint2* visited) {
   if (id < tree->tile_count) {
     if (!IN_BOUNDS(tree->bounds, TILES, id, 1)) return false;
     return march(tree, id, q, found, visited);
@@ -31,7 +31,7 @@ static ALWAYS_INLINE bool intersect_element_beam(const Tree* tree, uint id, cons
   return intersect_block_beam(tree, block, b, found);
 }
 
-DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_element, limit_of)
+DEFINE_TRAVERSE(traverse, Tree, PreparedRay, Found, open_node, intersect_element, limit_of)
 DEFINE_OCCLUDED(occluded, Tree, intersect_element)
 DEFINE_TRAVERSE(traverse_beam, Tree, Beam, BeamFound, open_beam, intersect_element_beam, limit_of_beam)
 

@@ -18,13 +18,13 @@
 #define PRIMITIVE PrimitiveBlock
 #include "kernels/trace/exact_tree.h"
 
-static ALWAYS_INLINE bool intersect_leaf(const Tree* tree, uint block, const Query* q, uint any, Found* found,
-                                         uint2* visited) {
+static ALWAYS_INLINE bool intersect_leaf(const Tree* tree, uint block, const PreparedRay* q, uint any,
+                                         Found* found, uint2* visited) {
   ++visited->y;
   return intersect_block(tree->primitives, block, q, found);
 }
 
-DEFINE_TRAVERSE(traverse, Tree, Query, Found, open_node, intersect_leaf, limit_of)
+DEFINE_TRAVERSE(traverse, Tree, PreparedRay, Found, open_node, intersect_leaf, limit_of)
 DEFINE_OCCLUDED(occluded, Tree, intersect_leaf)
 
 #include "kernels/trace/exact_entries.h"

@@ -3,7 +3,7 @@
 // GPU Pro 6. As there, a ray that resolves less than the hierarchy holds takes a box for the surface.
 #ifndef RBVH_TRAVERSE_PATCH_H
 #define RBVH_TRAVERSE_PATCH_H
-#include "kernels/trace/patch_query.h"
+#include "kernels/trace/micro_quad.h"
 
 // Takes a node's box for the surface: a hit at t.
 static inline void take_box(__global const PatchBlock* block, uint lane, float t, PatchFound* found) {
@@ -67,7 +67,7 @@ static inline uint first_visit(const PatchTree* tree, uint loose, uint parts, fl
 }
 
 // Visits stack entry `current`; returns the next one, 0 when the traversal is done.
-static ALWAYS_INLINE uint visit_patch(const PatchTree* tree, uint current, const Query* q,
+static ALWAYS_INLINE uint visit_patch(const PatchTree* tree, uint current, const PreparedRay* q,
                                       const PatchRay* ray, uint any, uint* stack, float* stack_t, uint* depth,
                                       PatchFound* found, uint* visited) {
   ++*visited;
@@ -105,7 +105,7 @@ static ALWAYS_INLINE uint visit_patch(const PatchTree* tree, uint current, const
 }
 
 // All micro-quads of a patch of a level below 2. Returns how many.
-static inline uint intersect_few_leaves(const PatchTree* tree, const Query* q, PatchFound* found) {
+static inline uint intersect_few_leaves(const PatchTree* tree, const PreparedRay* q, PatchFound* found) {
   const uint count = 1u << 2 * tree->level;
   for (uint m = 0; m < count; ++m) intersect_micro_quad(tree, m, q, found);
   return count;
@@ -114,8 +114,8 @@ static inline uint intersect_few_leaves(const PatchTree* tree, const Query* q, P
 // Nearest hit, or any. `parts` and `parts_entry`: which of the patch's 16 parts the ray intersects, and where
 // it enters them. Returns blocks and micro-quads visited.
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links,
-                           const Query* q, const PatchRay* ray, uint parts, float16 parts_entry, uint any,
-                           PatchFound* found) {
+                           const PreparedRay* q, const PatchRay* ray, uint parts, float16 parts_entry,
+                           uint any, PatchFound* found) {
   if (tree->level < 2) return intersect_few_leaves(tree, q, found);
   uint stack[PATCH_STACK], depth = 0, visited = 0;
   float stack_t[PATCH_STACK];
@@ -137,8 +137,8 @@ static inline uint skip_link(__global const uint* links, uint deep, uint node) {
 }
 
 static uint traverse_patch(const PatchTree* tree, __global const Patch* p, __global const uint* links,
-                           const Query* q, const PatchRay* ray, uint parts, float16 parts_entry, uint any,
-                           PatchFound* found) {
+                           const PreparedRay* q, const PatchRay* ray, uint parts, float16 parts_entry,
+                           uint any, PatchFound* found) {
   if (parts == 0) return 0;
   const uint leaves = first_node(tree->level), boxes = first_node(tree->wanted);
   const uint deep = tree->level > PATCH_LINKED_LEVEL, end = deep ? 0xffffffffu : LINK_END;

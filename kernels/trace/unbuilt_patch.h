@@ -2,10 +2,10 @@
 // its memory.
 #ifndef RBVH_UNBUILT_PATCH_H
 #define RBVH_UNBUILT_PATCH_H
-#include "kernels/trace/patch_query.h"
+#include "kernels/trace/micro_quad.h"
 
 // Sixteen vertices of row j, from column i on, in the space whose z axis is the ray.
-static inline void sheared_row(const PatchTree* tree, const Query* q, uint i, uint j, float16* x,
+static inline void sheared_row(const PatchTree* tree, const PreparedRay* q, uint i, uint j, float16* x,
                                float16* y) {
   // The arithmetic of patch_vertex().
   __global const Patch* p = tree->patch;
@@ -46,7 +46,7 @@ static inline void prefetch_row(const PatchTree* tree, uint i, uint j) {
 
 // For patches of level 4 or more: visits the parts that the ray intersects, nearest first, and their
 // micro-quads row by row, computing each row's vertices on the way. Returns micro-quads visited.
-static uint intersect_unbuilt(const PatchTree* tree, const Query* q, uint parts, float16 parts_entry,
+static uint intersect_unbuilt(const PatchTree* tree, const PreparedRay* q, uint parts, float16 parts_entry,
                               uint any, PatchFound* found) {
   const uint part_side = 1u << (tree->level - 2);
   float t[16];

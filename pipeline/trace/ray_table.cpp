@@ -18,14 +18,14 @@ constexpr std::size_t kPieces = 3;                    // one is read, one cast, 
 constexpr float kLeastSquare = 1e-20f, kMostSquare = 1e20f;
 
 /// A ray as the kernels can take it; t of its hits times `scale` is t as the user has it.
-struct PreparedRay {
+struct ScaledRay {
   Ray ray{};
   float scale = 1;
   bool usable = false;  // finite, with a direction
 };
 
-PreparedRay prepare_ray(const float* row, std::size_t columns) {
-  PreparedRay p;
+ScaledRay scale_ray(const float* row, std::size_t columns) {
+  ScaledRay p;
   Ray& ray = p.ray;
   std::copy(row, row + 3, ray.origin);
   std::copy(row + 3, row + 6, ray.direction);
@@ -45,7 +45,7 @@ PreparedRay prepare_ray(const float* row, std::size_t columns) {
   return p;
 }
 
-void store(const Hit& hit, const PreparedRay& ray, float* row) {
+void store(const Hit& hit, const ScaledRay& ray, float* row) {
   const bool found = ray.usable && std::isfinite(hit.t);
   row[0] = found ? hit.t * ray.scale : std::numeric_limits<float>::infinity();
   for (int axis = 0; axis < 3; ++axis) row[1 + axis] = found ? hit.normal[axis] : 0;
@@ -62,7 +62,7 @@ namespace {
 /// Some rays on their way through.
 struct Piece {
   std::size_t count = 0;
-  std::vector<PreparedRay> prepared;
+  std::vector<ScaledRay> scaled;
   std::vector<Ray> rays;
   std::vector<Hit> hits;
 };
@@ -74,20 +74,20 @@ std::size_t piece_rays(std::uint64_t rays) {
 void read_piece(const RayStream& stream, Piece& piece, RayTableCounts& counts) {
   std::vector<float> rows(piece_rays(stream.rows) * stream.columns);
   piece.count = stream.read(rows);
-  piece.prepared.resize(piece.count);
+  piece.scaled.resize(piece.count);
   piece.rays.resize(piece.count);
   piece.hits.resize(piece.count);
   for (std::size_t i = 0; i < piece.count; ++i) {
-    piece.prepared[i] = prepare_ray(&rows[i * stream.columns], stream.columns);
-    piece.rays[i] = piece.prepared[i].ray;
-    counts.unusable += !piece.prepared[i].usable;
+    piece.scaled[i] = scale_ray(&rows[i * stream.columns], stream.columns);
+    piece.rays[i] = piece.scaled[i].ray;
+    counts.unusable += !piece.scaled[i].usable;
   }
 }
 
 void write_piece(const RayStream& stream, const Piece& piece, RayTableCounts& counts) {
   std::vector<float> table(piece.count * kHitColumns);
   for (std::size_t i = 0; i < piece.count; ++i) {
-    store(piece.hits[i], piece.prepared[i], &table[i * kHitColumns]);
+    store(piece.hits[i], piece.scaled[i], &table[i * kHitColumns]);
     counts.hits += table[i * kHitColumns + 6] >= 0;
   }
   stream.write(table);
@@ -98,7 +98,7 @@ void write_piece(const RayStream& stream, const Piece& piece, RayTableCounts& co
 std::uint64_t ray_stream_bytes(std::uint64_t rays) {
   constexpr std::uint64_t kRow = kHitColumns * sizeof(float);
   return piece_rays(rays) *
-         (kPieces * (sizeof(PreparedRay) + sizeof(Ray) + sizeof(Hit)) + 2 * kRow + sizeof(Ray) + sizeof(Hit));
+         (kPieces * (sizeof(ScaledRay) + sizeof(Ray) + sizeof(Hit)) + 2 * kRow + sizeof(Ray) + sizeof(Hit));
 }
 
 RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQuery query,

@@ -1,9 +1,9 @@
 // The leaves of a patch's hierarchy: a ray intersects a micro-quad as two triangles, by the arithmetic of the
 // watertight triangle test (kernels/bvh), so that hits equal those of the tessellated mesh bit for bit. WIDE:
 // 16 micro-quads at once. Boxes only cull; traverse_patch.h leads from a patch's box to its micro-quads.
-#ifndef RBVH_PATCH_QUERY_H
-#define RBVH_PATCH_QUERY_H
-#include "kernels/bvh/ray_query.h"
+#ifndef RBVH_MICRO_QUAD_H
+#define RBVH_MICRO_QUAD_H
+#include "kernels/bvh/prepared_ray.h"
 #include "kernels/trace/patch_surface.h"
 #include "kernels/bvh/wide_node.h"
 
@@ -42,7 +42,7 @@ typedef struct PatchRay {
   float scale[3], near[3], far[3];
 } PatchRay;
 
-static inline PatchRay patch_ray(__global const Patch* p, const Query* q) {
+static inline PatchRay patch_ray(__global const Patch* p, const PreparedRay* q) {
   PatchRay r;
   for (uint axis = 0; axis < 3; ++axis) {
     const float lo = p->lo[axis];
@@ -54,8 +54,9 @@ static inline PatchRay patch_ray(__global const Patch* p, const Query* q) {
 }
 
 // intersect_children() for 16 boxes in quanta.
-static ALWAYS_INLINE uint intersect_planes16(__global const ushort (*planes)[PATCH_WIDTH], const Query* q,
-                                             const PatchRay* r, float limit, float16* entry) {
+static ALWAYS_INLINE uint intersect_planes16(__global const ushort (*planes)[PATCH_WIDTH],
+                                             const PreparedRay* q, const PatchRay* r, float limit,
+                                             float16* entry) {
 #define PLANES(row, i, offset) \
   mad(convert_float16(vload16(0, planes[q->row[i]])), (float16)(r->scale[i]), (float16)(r->offset[i]))
   const float16 enter = max(max(PLANES(near_row, 0, near), PLANES(near_row, 1, near)),
@@ -112,7 +113,8 @@ static inline void load_corners(const PatchTree* tree, uint m, float4* corners) 
 }
 
 // Micro-quad m of the finest level: triangles a b c and a c d. True where the hit is nearer.
-static inline bool intersect_micro_quad(const PatchTree* tree, uint m, const Query* q, PatchFound* found) {
+static inline bool intersect_micro_quad(const PatchTree* tree, uint m, const PreparedRay* q,
+                                        PatchFound* found) {
   float4 corners[3];
   load_corners(tree, m, corners);
   const float4 z = corners[q->kz] - q->origin[q->kz];
@@ -190,7 +192,7 @@ typedef struct Grid16 {
 } Grid16;
 
 // The finest level's b-th 16 micro-quads.
-static inline void load_grid(const PatchTree* tree, uint b, const Query* q, Grid16* grid) {
+static inline void load_grid(const PatchTree* tree, uint b, const PreparedRay* q, Grid16* grid) {
   __global const float* from = tree->vertices + GRID_FLOATS * b;
   grid->axes[0] = load_grid_axis(from, q->kx);
   grid->axes[1] = load_grid_axis(from, q->ky);
@@ -199,8 +201,8 @@ static inline void load_grid(const PatchTree* tree, uint b, const Query* q, Grid
 
 // Intersects the finest level's b-th 16 micro-quads by the arithmetic of intersect_micro_quad(), which takes
 // over where float32 does not decide a sign. Returns how many a scalar loop would have intersected.
-static ALWAYS_INLINE uint intersect_grid(const PatchTree* tree, uint b, const Grid16* grid, const Query* q,
-                                         uint any, PatchFound* found) {
+static ALWAYS_INLINE uint intersect_grid(const PatchTree* tree, uint b, const Grid16* grid,
+                                         const PreparedRay* q, uint any, PatchFound* found) {
   const GridAxis gx = grid->axes[0], gy = grid->axes[1], gz = grid->axes[2];
   const float16 z0 = gz.first - q->origin[q->kz], z1 = gz.second - q->origin[q->kz];
   const float16 x0 = (gx.first - q->origin[q->kx]) - q->sx * z0,
@@ -271,7 +273,7 @@ static ALWAYS_INLINE uint intersect_grid(const PatchTree* tree, uint b, const Gr
 }
 
 // The same, with the vertices loaded.
-static ALWAYS_INLINE uint intersect_leaves(const PatchTree* tree, uint b, const Query* q, uint any,
+static ALWAYS_INLINE uint intersect_leaves(const PatchTree* tree, uint b, const PreparedRay* q, uint any,
                                            PatchFound* found) {
   Grid16 grid;
   load_grid(tree, b, q, &grid);

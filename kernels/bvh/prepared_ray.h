@@ -6,8 +6,8 @@
 //
 // The rule for every hit: it counts where tmin <= t <= tmax, and of equally near ones the lowest index wins,
 // so that the result does not depend on the hierarchy or on the order of the traversal.
-#ifndef RBVH_RAY_QUERY_H
-#define RBVH_RAY_QUERY_H
+#ifndef RBVH_PREPARED_RAY_H
+#define RBVH_PREPARED_RAY_H
 #include "kernels/bvh/bvh_layout.h"
 #include "kernels/common/lanes.h"
 #include "kernels/common/layout.h"
@@ -27,8 +27,8 @@ typedef struct Found {
 
 static inline float limit_of(const Found* found) { return found->t; }
 
-// A prepared ray.
-typedef struct Query {
+// A ray, with what the tests of boxes and triangles need of it.
+typedef struct PreparedRay {
   float origin[3], direction[3];
   float tmin;
   uint kx, ky, kz;   // kz: the axis along which the direction is longest
@@ -38,7 +38,7 @@ typedef struct Query {
   // t of a plane along an axis = plane * inverse + offset, moved before or behind it by the error bound.
   float near_offset[3], far_offset[3];
   uint near_row[3], far_row[3];  // of planes in the order lo x y z, hi x y z
-} Query;
+} PreparedRay;
 
 // By how much boxes are widened for rays from `origin`. Rounding in the triangle test moves vertices by at
 // most 5 * 2^-24 of the distances along two axes, rounding in the box test by 3 * 2^-24 of the coordinates:
@@ -55,7 +55,7 @@ static inline float error_bound(const float* origin, const BvhRoot* scene) {
 }
 
 // False where the ray cannot hit anything: not finite, without a direction or an interval.
-static ALWAYS_INLINE bool prepare(const Ray* ray, const BvhRoot* scene, Query* q) {
+static ALWAYS_INLINE bool prepare(const Ray* ray, const BvhRoot* scene, PreparedRay* q) {
   float longest = 0.0f;
   bool finite = ray->tmin <= ray->tmax;
   q->kz = 0;
