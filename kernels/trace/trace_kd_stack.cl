@@ -54,4 +54,4 @@ static uint2 traverse(const Tree* tree, const PreparedRay* q, uint any, Found* f
   }
 }
 
-#include "kernels/trace/exact_entries.h"
+#include "kernels/trace/exact_kernels.h"

@@ -38,6 +38,6 @@ DEFINE_TRAVERSE(traverse_beam, Tree, Beam, BeamFound, open_beam, intersect_eleme
 // A tile is an approximation: rays need not find to the last bit what they find alone.
 static inline bool takes_beam(const Beam* b) { return true; }
 
-#include "kernels/trace/entries.h"
-#include "kernels/trace/group_entries.h"
-#include "kernels/trace/beam_entries.h"
+#include "kernels/trace/ray_kernels.h"
+#include "kernels/trace/group_kernels.h"
+#include "kernels/trace/beam_kernels.h"

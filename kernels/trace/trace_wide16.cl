@@ -27,7 +27,7 @@ static ALWAYS_INLINE bool intersect_leaf(const Tree* tree, uint block, const Pre
 DEFINE_TRAVERSE(traverse, Tree, PreparedRay, Found, open_node, intersect_leaf, limit_of)
 DEFINE_OCCLUDED(occluded, Tree, intersect_leaf)
 
-#include "kernels/trace/exact_entries.h"
+#include "kernels/trace/exact_kernels.h"
 
 #ifndef DISCS
 static ALWAYS_INLINE bool intersect_leaf_beam(const Tree* tree, uint block, const Beam* b, uint any,
@@ -69,6 +69,6 @@ static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, co
              select((uint16)(0u), (uint16)(RBVH_HIT_BACK_FACE), along > 0.0f);
 }
 
-#include "kernels/trace/group_entries.h"
-#include "kernels/trace/beam_entries.h"
+#include "kernels/trace/group_kernels.h"
+#include "kernels/trace/beam_kernels.h"
 #endif

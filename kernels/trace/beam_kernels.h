@@ -1,5 +1,5 @@
-// The kernel that casts a camera's rays, a square of 8 x 8 pixels a work-item. Beside what entries.h and
-// group_entries.h ask for, the file that includes this has defined
+// The kernel that casts a camera's rays, a square of 8 x 8 pixels a work-item. Beside what ray_kernels.h and
+// group_kernels.h ask for, the file that includes this has defined
 //   uint2 traverse_beam(tree, beam, any, found),
 //   bool takes_beam(beam)                       false where its rays are to be cast one by one.
 #include "kernels/bvh/beam.h"

@@ -1,5 +1,5 @@
 // The kernel that casts 16 rays a work-item, each by itself: what comes before and after the traversal is
-// computed for all 16 at once. Beside what entries.h asks for, the file that includes this has defined
+// computed for all 16 at once. Beside what ray_kernels.h asks for, the file that includes this has defined
 //   void make_hits16(tree, found, origin, direction, hits)   make_hit() for 16 rays.
 #include "kernels/common/no_hit.h"
 #include "kernels/trace/hit_lanes.h"

@@ -1,5 +1,5 @@
 // The kernels of an exact traversal. The file that includes this has included exact_tree.h, and has defined
-// what entries.h asks for and  float3 unit_normal(primitives, at).
+// what ray_kernels.h asks for and  float3 unit_normal(primitives, at).
 #include "kernels/common/no_hit.h"
 
 static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
@@ -19,4 +19,4 @@ static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ra
   return hit;
 }
 
-#include "kernels/trace/entries.h"
+#include "kernels/trace/ray_kernels.h"
