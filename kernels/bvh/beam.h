@@ -19,7 +19,7 @@ typedef struct Packet {
 
 typedef struct Beam {
   float origin[3];
-  PacketBounds bounds;
+  IntervalRay interval;
   uint kx, ky, kz;  // kz: an axis along which no ray is slow
   // A window is where rays are at distance 1 along kz, widened by what floats round: of each packet.
   float side;  // -1 or 1: the rays' way along kz; 0: both ways, along every axis: they are cast one by one
@@ -50,7 +50,7 @@ static inline float limit_of_beam(const BeamFound* found) {
 
 static ALWAYS_INLINE uint open_beam(__global const WideNode* node, const Beam* b, float limit, uint* stack,
                                     float* stack_t, uint* depth) {
-  return open_node_packet(node, &b->bounds, limit, stack, stack_t, depth);
+  return open_node_packet(node, &b->interval, limit, stack, stack_t, depth);
 }
 
 // camera_ray()'s directions of a square of 4 x 4 pixels.
@@ -65,9 +65,9 @@ static ALWAYS_INLINE void square_directions(const CameraRays* camera, uint left,
 }
 
 // lo, hi: of the rays' directions.
-static ALWAYS_INLINE void set_bounds(Beam* beam, const float* lo, const float* hi, const BvhRoot* scene) {
+static ALWAYS_INLINE void set_interval(Beam* beam, const float* lo, const float* hi, const BvhRoot* scene) {
   const float margin = error_bound(beam->origin, scene);
-  PacketBounds* b = &beam->bounds;
+  IntervalRay* b = &beam->interval;
   b->tmin = 0.0f;
 #pragma unroll
   for (uint axis = 0; axis < 3; ++axis) {
@@ -86,7 +86,7 @@ static ALWAYS_INLINE void set_bounds(Beam* beam, const float* lo, const float* h
 }
 
 // Whether any of the rays may enter the box of everything: most of a picture is often empty.
-static ALWAYS_INLINE bool enters_scene(const PacketBounds* b, const BvhRoot* scene) {
+static ALWAYS_INLINE bool enters_scene(const IntervalRay* b, const BvhRoot* scene) {
   const float planes[6] = {scene->lo[0], scene->lo[1], scene->lo[2],
                            scene->hi[0], scene->hi[1], scene->hi[2]};
   float enter = b->tmin, leave = FLT_MAX;
@@ -143,8 +143,9 @@ static ALWAYS_INLINE bool prepare_beam(const CameraRays* camera, uint left, uint
     hi[axis] = greatest(max(max(d0, d1), max(d2, d3)));
     slow[axis] = lo[axis] > 0.0f ? lo[axis] : hi[axis] < 0.0f ? -hi[axis] : 0.0f;
   }
-  set_bounds(b, lo, hi, scene);
-  if (!isfinite(b->origin[0] + b->origin[1] + b->origin[2]) || !enters_scene(&b->bounds, scene)) return false;
+  set_interval(b, lo, hi, scene);
+  if (!isfinite(b->origin[0] + b->origin[1] + b->origin[2]) || !enters_scene(&b->interval, scene))
+    return false;
   set_shear(b, lo, hi, slow);
   return true;
 }

@@ -21,20 +21,21 @@ static ALWAYS_INLINE uint intersect_children(__global const WideNode* node, cons
   return lane_bits16(enter <= leave);
 }
 
-// What a packet's rays have in common, for interval arithmetic: the least tmin, and per axis the least and
-// the greatest inverse direction with their offsets, as in PreparedRay. Along an axis in which the rays'
-// signs differ `inverse` is 0 and the offsets are infinite in effect: it excludes nothing.
-typedef struct PacketBounds {
+// All rays of a packet as one, for interval arithmetic (Boulos, Wald, Shirley, "Geometric and Arithmetic
+// Culling Methods for Entire Ray Packets", 2006): the least tmin, and per axis the least and the greatest
+// inverse direction with their offsets, as in PreparedRay. Along an axis in which the rays' signs differ
+// `inverse` is 0 and the offsets are infinite in effect: it excludes nothing.
+typedef struct IntervalRay {
   float tmin;
   float inverse[3][2], near_offset[3][2], far_offset[3][2];
   uint near_row[3], far_row[3];
-} PacketBounds;
+} IntervalRay;
 
-// Where the bounds of a packet enter boxes at the earliest, and leave them at the latest. F: the boxes'
-// vector type; LOAD(row): a row of their planes; inverse, near, far: as in PacketBounds.
-#define PACKET_INTERVAL(F, LOAD, bounds, inverse, near, far, enter, leave)                                   \
+// Where an interval ray enters boxes at the earliest, and leaves them at the latest. F: the boxes' vector
+// type; LOAD(row): a row of their planes; inverse, near, far: as in IntervalRay.
+#define PACKET_INTERVAL(F, LOAD, ray, inverse, near, far, enter, leave)                                      \
   for (uint axis = 0; axis < 3; ++axis) {                                                                    \
-    const F from = LOAD((bounds)->near_row[axis]), to = LOAD((bounds)->far_row[axis]);                       \
+    const F from = LOAD((ray)->near_row[axis]), to = LOAD((ray)->far_row[axis]);                             \
     enter = max(enter, min(from * (inverse)[axis][0] + (near)[axis][0],                                      \
                            from * (inverse)[axis][1] + (near)[axis][1]));                                    \
     leave =                                                                                                  \
@@ -42,7 +43,7 @@ typedef struct PacketBounds {
   }
 
 // Children that any of the packet's rays may enter before `limit`, as bits; `entry`: not before it.
-static ALWAYS_INLINE uint intersect_children_packet(__global const WideNode* node, const PacketBounds* b,
+static ALWAYS_INLINE uint intersect_children_packet(__global const WideNode* node, const IntervalRay* b,
                                                     float limit, float16* entry) {
 #define LOAD(row) vload16(0, node->planes[row])
   float16 enter = b->tmin, leave = limit;
@@ -103,7 +104,7 @@ static ALWAYS_INLINE uint open_node(__global const WideNode* node, const Prepare
 }
 
 // The same for a packet.
-static ALWAYS_INLINE uint open_node_packet(__global const WideNode* node, const PacketBounds* b, float limit,
+static ALWAYS_INLINE uint open_node_packet(__global const WideNode* node, const IntervalRay* b, float limit,
                                            uint* stack, float* stack_t, uint* depth) {
   float16 entry;
   const uint mask = intersect_children_packet(node, b, limit, &entry);

@@ -18,7 +18,7 @@ typedef struct Packet {
   uint whole;
   uint lanes;   // rays that can hit anything, as bits
   float speed;  // the longest direction's length
-  PacketBounds bounds;
+  IntervalRay interval;
   // By ray; tmins is infinite for a ray that can hit nothing.
   float16 inverses[3], near_offsets[3], far_offsets[3], tmins;
 } Packet;
@@ -100,16 +100,16 @@ static ALWAYS_INLINE void set_slab(const Coherent* c, uint axis, Packet* p) {
   p->near_offsets[axis] = -(o + outwards) * inverse;
   p->far_offsets[axis] = -(o - outwards) * inverse;
   const bool back = c->first_d[axis] < 0.0f;
-  p->bounds.near_row[axis] = back ? axis + 3 : axis;
-  p->bounds.far_row[axis] = back ? axis : axis + 3;
-  p->bounds.inverse[axis][0] = -greatest(-inverse);
-  p->bounds.inverse[axis][1] = greatest(inverse);
+  p->interval.near_row[axis] = back ? axis + 3 : axis;
+  p->interval.far_row[axis] = back ? axis : axis + 3;
+  p->interval.inverse[axis][0] = -greatest(-inverse);
+  p->interval.inverse[axis][1] = greatest(inverse);
   // From the first ray's origin, with twice the margin of a single ray, as these are rounded more often.
   const float near = -greatest(-((from_first - 2.0f * outwards) * inverse)),
               far = greatest((from_first + 2.0f * outwards) * inverse);
   for (uint k = 0; k < 2; ++k) {
-    p->bounds.near_offset[axis][k] = near - first_o * p->bounds.inverse[axis][k];
-    p->bounds.far_offset[axis][k] = far - first_o * p->bounds.inverse[axis][k];
+    p->interval.near_offset[axis][k] = near - first_o * p->interval.inverse[axis][k];
+    p->interval.far_offset[axis][k] = far - first_o * p->interval.inverse[axis][k];
   }
 }
 
@@ -119,7 +119,7 @@ static bool prepare_packet(const RayLanes* rays, const BvhRoot* scene, Packet* p
   if (!gather_coherent(rays, scene, p, &c)) return false;
   for (uint axis = 0; axis < 3; ++axis) set_slab(&c, axis, p);
   p->tmins = select((float16)(INFINITY), rays->tmin, c.valid);
-  p->bounds.tmin = -greatest(-p->tmins);
+  p->interval.tmin = -greatest(-p->tmins);
   p->speed = sqrt(greatest(c.length2));
   const uint kz = c.kz, kx = (kz + 1) % 3, ky = (kz + 2) % 3;
   float words[7][PACKET];
@@ -153,9 +153,9 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
   for (uint axis = 0; axis < 3; ++axis) {
     const float lo = patch->lo[axis], quantum = (patch->hi[axis] - lo) * (1.0f / 65535.0f);
     for (uint k = 0; k < 2; ++k) {
-      r->scale[axis][k] = quantum * p->bounds.inverse[axis][k];
-      r->near[axis][k] = lo * p->bounds.inverse[axis][k] + p->bounds.near_offset[axis][k];
-      r->far[axis][k] = lo * p->bounds.inverse[axis][k] + p->bounds.far_offset[axis][k];
+      r->scale[axis][k] = quantum * p->interval.inverse[axis][k];
+      r->near[axis][k] = lo * p->interval.inverse[axis][k] + p->interval.near_offset[axis][k];
+      r->far[axis][k] = lo * p->interval.inverse[axis][k] + p->interval.far_offset[axis][k];
     }
     r->scales[axis] = quantum * p->inverses[axis];
     r->nears[axis] = lo * p->inverses[axis] + p->near_offsets[axis];
@@ -167,7 +167,7 @@ static inline void patch_packet(__global const Patch* patch, const Packet* p, Pa
 static inline uint intersect_patch_box(const Packet* p, const PatchPacket* r, const float* limits) {
   float16 enter = p->tmins, leave = vload16(0, limits);
   for (uint axis = 0; axis < 3; ++axis) {
-    const bool back = p->bounds.near_row[axis] > 2;
+    const bool back = p->interval.near_row[axis] > 2;
     enter = max(enter, mad((float16)(back ? 65535.0f : 0.0f), r->scales[axis], r->nears[axis]));
     leave = min(leave, mad((float16)(back ? 0.0f : 65535.0f), r->scales[axis], r->fars[axis]));
   }
@@ -178,8 +178,8 @@ static inline uint intersect_patch_box(const Packet* p, const PatchPacket* r, co
 static inline uint intersect_planes_packet(__global const ushort (*planes)[PATCH_WIDTH], const Packet* p,
                                            const PatchPacket* r, float limit, float16* entry, float16* left) {
 #define LOAD(row) convert_float16(vload16(0, planes[row]))
-  float16 enter = p->bounds.tmin, leave = limit;
-  PACKET_INTERVAL(float16, LOAD, &p->bounds, r->scale, r->near, r->far, enter, leave)
+  float16 enter = p->interval.tmin, leave = limit;
+  PACKET_INTERVAL(float16, LOAD, &p->interval, r->scale, r->near, r->far, enter, leave)
 #undef LOAD
   *entry = enter;
   *left = leave;
@@ -194,8 +194,8 @@ static inline uint intersect_leaves_packet(const PatchTree* tree, uint at, const
   __global const PatchBlock* block = tree->blocks + parent / PATCH_WIDTH;
   float16 enter = p->tmins, leave = vload16(0, limits);
   for (uint axis = 0; axis < 3; ++axis) {
-    const float from = (float)block->planes[p->bounds.near_row[axis]][parent % PATCH_WIDTH],
-                to = (float)block->planes[p->bounds.far_row[axis]][parent % PATCH_WIDTH];
+    const float from = (float)block->planes[p->interval.near_row[axis]][parent % PATCH_WIDTH],
+                to = (float)block->planes[p->interval.far_row[axis]][parent % PATCH_WIDTH];
     enter = max(enter, mad((float16)(from), r->scales[axis], r->nears[axis]));
     leave = min(leave, mad((float16)(to), r->scales[axis], r->fars[axis]));
   }

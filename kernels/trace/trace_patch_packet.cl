@@ -79,8 +79,8 @@ static inline void intersect_instance_packet(const PatchScene* scene, uint at, c
                              limits, visited);
     } else {
       ++*visited;
-      next = open_node_packet(scene->nodes + current, &p.bounds, greatest(vload16(0, limits)), stack, stack_t,
-                              &depth);
+      next = open_node_packet(scene->nodes + current, &p.interval, greatest(vload16(0, limits)), stack,
+                              stack_t, &depth);
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
@@ -112,8 +112,8 @@ static inline void intersect_all_packet(const PatchScene* scene, const BvhRoot* 
       load_limits(&p, s, limits);
     } else {
       ++*visited;
-      next = open_node_packet(scene->nodes + current, &p.bounds, greatest(vload16(0, limits)), stack, stack_t,
-                              &depth);
+      next = open_node_packet(scene->nodes + current, &p.interval, greatest(vload16(0, limits)), stack,
+                              stack_t, &depth);
     }
     const float limit = greatest(vload16(0, limits));
     if (next == 0) next = pop_nearer(stack, stack_t, &depth, limit);
