@@ -6,7 +6,7 @@
 #include "kernels/bvh/disc.h"
 #include "kernels/bvh/beam.h"
 #include "kernels/bvh/triangle.h"
-#include "kernels/trace/tile_tree.h"
+#include "kernels/trace/level_tree.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 

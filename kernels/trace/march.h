@@ -11,7 +11,7 @@
 #ifndef RBVH_MARCH_H
 #define RBVH_MARCH_H
 #include "kernels/common/lanes.h"
-#include "kernels/trace/tile_tree.h"
+#include "kernels/trace/level_tree.h"
 
 // Multiply-adds may be fused here: a height field is an approximation by itself.
 #pragma OPENCL FP_CONTRACT ON

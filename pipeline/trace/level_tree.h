@@ -1,5 +1,5 @@
 // A level of a pair as its tracer wants it: one hierarchy whose leaves are tiles and blocks of primitives
-// (kernels/trace/tile_tree.h).
+// (kernels/trace/level_tree.h).
 #pragma once
 
 #include <cstddef>

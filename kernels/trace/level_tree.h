@@ -1,8 +1,8 @@
 // A level of a pair as rays are cast at it: a wide hierarchy whose leaves are tiles, numbered first, and
 // blocks of the primitives that leaves hold in place of tiles. What a ray finds is a tile or, numbered after
 // these, a lane of a block.
-#ifndef RBVH_TILE_TREE_H
-#define RBVH_TILE_TREE_H
+#ifndef RBVH_LEVEL_TREE_H
+#define RBVH_LEVEL_TREE_H
 #include "kernels/bvh/bvh_layout.h"
 #include "kernels/common/bounds.h"
 
