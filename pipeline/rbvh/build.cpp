@@ -8,11 +8,11 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
+#include "pipeline/rbvh/assemble_level.h"
 #include "pipeline/rbvh/build_tuning.h"
 #include "pipeline/rbvh/group_primitives.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_rule.h"
-#include "pipeline/rbvh/pack.h"
 #include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
 #include "pipeline/scan/simplify.h"
@@ -76,7 +76,7 @@ Level build_of_primitives(const Scan& scan, const LevelRule& rule, const Lattice
   Stopwatch watch;
   RefinedLevel groups = group_primitives(scan, lattice);
   time.partition += watch.lap();
-  Level level = pack_level(rule.level, groups, scan, rule.area, lattice);
+  Level level = assemble_level(rule.level, groups, scan, rule.area, lattice);
   time.pack += watch.lap();
   return level;
 }
@@ -191,7 +191,7 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
     report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
     Stopwatch level_watch;
     RefinedLevel refined = refine_level(primitives, partition, rules[i], watch, time);
-    rbvh.levels[i] = pack_level(rules[i].level, refined, scan, area, lattice_of(rules[i].error, box));
+    rbvh.levels[i] = assemble_level(rules[i].level, refined, scan, area, lattice_of(rules[i].error, box));
     sample_error(device, scan, box, rbvh.levels[i]);
     time.pack += watch.lap();
     time.levels[i] = {rules[i].level.name, level_watch.lap()};

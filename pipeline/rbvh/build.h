@@ -1,5 +1,5 @@
 // From a scan to a rasterized BVH. A level of tiles: partition (once for all of these), rasterise, refine,
-// pack. A level of primitives: simplify, group, pack.
+// assemble. A level of primitives: simplify, group, assemble.
 #pragma once
 
 #include <cstdint>

@@ -6,11 +6,11 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/rbvh/atlas.h"
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_grid.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_surface.h"
+#include "pipeline/rbvh/pack_atlas.h"
 #include "pipeline/rbvh/texel.h"
 
 namespace rbvh {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "pipeline/rbvh/atlas.h"
+#include "pipeline/rbvh/pack_atlas.h"
 #include "pipeline/rbvh/rasterize.h"
 #include "tests/shapes.h"
 

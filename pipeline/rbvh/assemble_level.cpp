@@ -1,4 +1,4 @@
-#include "pipeline/rbvh/pack.h"
+#include "pipeline/rbvh/assemble_level.h"
 
 #include <meshoptimizer.h>
 
@@ -13,10 +13,10 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/bvh/top_tree.h"
-#include "pipeline/rbvh/atlas.h"
 #include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
+#include "pipeline/rbvh/pack_atlas.h"
 #include "pipeline/rbvh/snap_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
@@ -125,8 +125,8 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
 
 }  // namespace
 
-Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
-                 const Lattice& lattice) {
+Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
+                     const Lattice& lattice) {
   const std::vector<std::uint32_t> first_at_place = drop_collapsed(refined, scan, lattice);
   std::vector<Tile>& tiles = refined.tiles;
   Level level;

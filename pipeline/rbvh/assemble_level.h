@@ -9,7 +9,7 @@ namespace rbvh {
 
 /// `scan`: whose primitives the leaves hold. `area`: that rho is for, scan units squared. `lattice`: that the
 /// primitives' positions are moved to; of step 0: they stay.
-Level pack_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
-                 const Lattice& lattice);
+Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
+                     const Lattice& lattice);
 
 }  // namespace rbvh

@@ -1,4 +1,4 @@
-#include "pipeline/rbvh/atlas.h"
+#include "pipeline/rbvh/pack_atlas.h"
 
 #include <algorithm>
 #include <cmath>
