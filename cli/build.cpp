@@ -13,11 +13,10 @@
 #include "io/load_source.h"
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
+#include "io/report_text.h"
 #include "pipeline/measure/stored_fidelity.h"
 #include "pipeline/rbvh/build_options.h"
 #include "pipeline/rbvh/layers.h"
-#include "pipeline/scene/asset_content.h"
-#include "pipeline/trace/make_tracer.h"
 
 namespace rbvh {
 namespace {
@@ -67,21 +66,6 @@ std::vector<LevelConfig> named_levels(const BuildOptions& options) {
   return by_density(std::move(levels));
 }
 
-/// The one of --error.
-LevelConfig level_of_bound(const ErrorBound& error, const Scan& scan, const std::string& file) {
-  const double diagonal = static_cast<double>(bounds(scan).diagonal());
-  return level_of_error(part_of_diagonal(error, "units", {diagonal, scan.units}, file));
-}
-
-/// Fills in the levels' fidelity.
-void measure_pair(Context& context, const Device& device, const ViewsConfig& views, Rbvh& rbvh, Scan& scan) {
-  Asset exact = make_asset(std::move(scan)), pair = make_asset(std::move(rbvh));
-  measure_and_store(device, pair, exact, choose_levels(pair, {"all"}), views, context.memory,
-                    context.progress.callback());
-  scan = std::move(*exact.scan());
-  rbvh = std::move(*pair.rbvh());
-}
-
 /// Names the file in errors of work that does not know where the scan came from.
 template <class Work>
 auto with_file(const std::string& file, Work&& work) {
@@ -105,19 +89,6 @@ void compare_sizes(Context& context, const std::string& file, std::uint64_t pair
                    levels > 1 ? "fewer or coarser levels" : "a coarser level"));
 }
 
-/// Levels of tiles and of clouds may miss the error that they were built for.
-void report_missed_errors(Context& context, const Rbvh& rbvh) {
-  std::string missed;
-  for (const Level& level : rbvh.levels)
-    if (level.reached > level.error)
-      missed += fmt::format("{}{} {:.2g} (asked for: {:.2g})", missed.empty() ? "" : ", ", level.name,
-                            level.reached, level.error);
-  if (missed.empty()) return;
-  note(
-      context,
-      "rbvh build: farther from the scan than asked for, rms of sampled points over the diagonal: " + missed);
-}
-
 void run_build(Context& context, const BuildOptions& options) {
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
@@ -125,21 +96,23 @@ void run_build(Context& context, const BuildOptions& options) {
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_pair_output(context);
 
-  Stopwatch watch;
   SourceScan source = load_source(options.file, context.memory);
   Scan& scan = source.scan;
   check_buildable(scan, options.file);
-  if (options.error) config.levels = {level_of_bound(*options.error, scan, input_name(options.file))};
+  const ErrorScale scale{static_cast<double>(bounds(scan).diagonal()), scan.units};
+  if (options.error)
+    config.levels = {
+        level_of_error(part_of_diagonal(*options.error, "units", scale, input_name(options.file)))};
   check_budget(context.memory, build_memory(scan, config), options.file, "building it");
   if (focus) config.focus = place_focus(*focus, scan);
-  const double load_seconds = watch.lap();
+  time_phase(context, "load");
 
   const Device device = Device::open(context.device);
   BuildTimings timings;
-  watch.lap();
+  context.phase_watch.lap();
   Rbvh rbvh = with_file(
       options.file, [&] { return build_rbvh(device, scan, config, context.progress.callback(), &timings); });
-  const double build_seconds = watch.lap();
+  time_phase(context, "build");
   rbvh.source.name = source.name;
   rbvh.source.hash = source.hash;
   for (const std::string& name : options.layers.names) warn_of_infinite(context, options.file, scan, name);
@@ -147,24 +120,24 @@ void run_build(Context& context, const BuildOptions& options) {
     add_property_layers(rbvh.levels, scan, options.layers.names, options.layers.scale,
                         context.progress.callback());
   });
-  const double layer_seconds = watch.lap();
-  if (options.measure) measure_pair(context, device, options.views, rbvh, scan);
-  const double measure_seconds = options.measure ? watch.lap() : 0;
+  time_phase(context, "layers");
+  if (options.measure)
+    measure_and_store(device, rbvh, scan, options.views, context.memory, context.progress.callback());
+  time_phase(context, "measure");
   rbvh.build_options = build_options_json(config, focus, options.layers);
   const RbvhBytes bytes = write_rbvh(context.output, rbvh, context.force);
-  const double write_seconds = watch.lap();
+  time_phase(context, "write");
 
   auto& report = context.report;
   report["device"] = device_json(device.info());
-  report["timings"] = {{"load", load_seconds},           {"build", build_seconds},
-                       {"simplify", timings.simplify},   {"upload", timings.upload},
-                       {"partition", timings.partition}, {"rasterize", timings.rasterize},
-                       {"pack", timings.pack},           {"layers", layer_seconds},
-                       {"measure", measure_seconds},     {"write", write_seconds}};
+  report["timings"].update(timings_json(timings));
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
   report_pair(context, context.output, bytes, counted(rbvh.levels.size(), "level"));
-  report_missed_errors(context, rbvh);
+  if (const std::string missed = missed_errors(rbvh); !missed.empty())
+    note(context,
+         "rbvh build: farther from the scan than asked for, rms of sampled points over the diagonal: " +
+             missed);
   compare_sizes(context, options.file, bytes.hierarchy + bytes.atlas, source.bytes, rbvh.levels.size());
 }
 

@@ -60,7 +60,7 @@ bool use_color(const Context& context) {
 constexpr int kMostThreads = 256;
 
 void begin_stage(Context& context) {
-  context.watch = {};
+  context.stage_watch = context.phase_watch = {};
   if (!context.log_path.empty()) open_log(context);
   if (!context.report_path.empty()) check_output(context.report_path, context.force);
   // More than the system can start would abort within PoCL.
@@ -82,7 +82,7 @@ void end_stage(Context& context) {
   if (g_log_failed)
     throw Error(ErrorKind::kFailure, context.log_path, "the log could not be written to its end");
   if (context.report_path.empty()) return;
-  context.report["timings"]["total"] = context.watch.lap();
+  context.report["timings"]["total"] = context.stage_watch.lap();
   OutputFile file(context.report_path, context.force);
   file.write(json_text(context.report));
   file.commit();
@@ -170,6 +170,13 @@ void print_error(Context& context, const std::string& line) {
   const std::string who = context.stage.empty() ? "rbvh:" : "rbvh " + context.stage + ":";
   context.progress.print_line((use_color(context) ? "\033[31m" + who + "\033[0m " : who + " ") + line);
   to_log(spdlog::level::err, line);
+}
+
+double time_phase(Context& context, const std::string& name) {
+  const double seconds = context.phase_watch.lap();
+  nlohmann::ordered_json& timing = context.report["timings"][name];
+  timing = timing.is_null() ? seconds : timing.get<double>() + seconds;
+  return seconds;
 }
 
 double mrays_per_second(std::uint64_t rays, double seconds) {

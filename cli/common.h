@@ -44,7 +44,8 @@ struct Context {
 
   ProgressReporter progress;
   nlohmann::ordered_json report;  ///< for --report: a stage adds counts, timings, bytes
-  Stopwatch watch;                ///< since the stage began
+  Stopwatch stage_watch;          ///< since the stage began
+  Stopwatch phase_watch;          ///< since the last time_phase()
 };
 
 struct StageText {
@@ -103,6 +104,10 @@ void detail(Context& context, const std::string& line);
 void warn(Context& context, const std::string& line);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
+
+/// Adds the seconds since the last call, or since the stage began, to the report's timing of that name.
+/// Returns them.
+double time_phase(Context& context, const std::string& name);
 
 /// Million rays per second, for reports; 0 where no time passed.
 double mrays_per_second(std::uint64_t rays, double seconds);

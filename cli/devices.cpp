@@ -6,6 +6,7 @@
 #include "cli/common.h"
 #include "cli/stages.h"
 #include "io/report_json.h"
+#include "io/report_text.h"
 
 namespace rbvh {
 namespace {
@@ -17,10 +18,7 @@ void run_devices(bool as_json) {
     for (const DeviceInfo& info : devices) list.push_back(device_json(info));
     print_json(list);
   } else {
-    for (const DeviceInfo& info : devices)
-      print_data(std::to_string(info.index) + "  " + device_type(info) + "  " + info.name + "  (" +
-                 info.platform + ", " + std::to_string(info.compute_units) + " units, " +
-                 format_bytes(info.memory_bytes) + ")\n");
+    for (const DeviceInfo& info : devices) print_data(device_line(info));
   }
   if (devices.empty())
     throw Error(ErrorKind::kDevice, "",

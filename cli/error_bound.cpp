@@ -23,20 +23,6 @@ ErrorBound parse_error_bound(std::string_view text) {
   return error;
 }
 
-double part_of_diagonal(const ErrorBound& error, const std::string& unit, const ErrorScale& scale,
-                        const std::string& file) {
-  const std::string& own = error.unit.empty() ? unit : error.unit;
-  if (own == "%") return error.value / 100;
-  if (own == "units") return error.value / scale.diagonal;
-  const std::optional<double> meters = unit_meters(own), scan_meters = unit_meters(scale.units);
-  if (!scan_meters)
-    throw Error(ErrorKind::kUsage, file,
-                "its units are not known, so an error in " + own +
-                    " says nothing; give it in scan units (such as 0.5units), or ingest the scan with "
-                    "--units");
-  return error.value * *meters / *scan_meters / scale.diagonal;
-}
-
 std::vector<WantedLevel> parse_wanted_levels(std::string_view text) {
   std::vector<WantedLevel> levels;
   for (const std::string& word : parse_list(text)) {

@@ -1,27 +1,10 @@
 #include "cli/exact_options.h"
 
 #include "cli/common.h"
+#include "io/report_text.h"
 
 namespace rbvh {
 namespace {
-
-/// What --tracer list prints.
-std::string tracer_list() {
-  std::string lines;
-  for (const ExactTraversalInfo& t : kExactTraversals) {
-    std::string name = t.name;
-    name.resize(14, ' ');
-    lines += name + t.what + "; builders:";
-    const char* separator = " ";
-    for (const ExactBuilderInfo& b : kExactBuilders) {
-      if (b.tree != t.tree) continue;
-      lines += separator + std::string(b.name);
-      separator = ", ";
-    }
-    lines += "\n";
-  }
-  return lines;
-}
 
 template <class Table>
 std::string names_of(const Table& table) {
@@ -37,7 +20,7 @@ ExactBuilder parse_builder(std::string_view name) {
 
 ExactTraversal parse_tracer_or_list(std::string_view name) {
   if (name == "list") {
-    print_data(tracer_list());
+    print_data(exact_methods_text());
     throw CLI::Success();  // needs no other word
   }
   return parse_tracer(name);

@@ -62,24 +62,23 @@ void check_extension(const std::string& output) {
 void run_ingest(Context& context, const IngestOptions& options) {
   check_extension(context.output);
   check_output(context.output, context.force);
-  Stopwatch watch;
   RawScan all = read_scans(
       options.inputs, context.memory,
       [&](const std::string& path, const std::string& text) { warn(context, path + ": " + text); },
       context.progress.callback());
   if (!all.triangles.empty())
     refuse_options(options.of_clouds, options.inputs[0], "is for clouds, and this is a mesh");
-  const double read_seconds = watch.lap();
+  time_phase(context, "read");
   const std::string name = options.inputs.size() == 1 ? options.inputs[0] : "the inputs";
   state_units(all, name, options.units);
   IngestReport counts;
   const Scan scan = ingest(std::move(all), name, options.config, counts, context.progress.callback());
-  const double clean_seconds = watch.lap();
+  time_phase(context, "clean");
   context.progress.update("write", 0);
   write_ply(context.output, scan, context.force);
   context.progress.finish();
+  time_phase(context, "write");
   context.report.update(ingest_json(counts, scan, options.inputs));
-  context.report["timings"] = {{"read", read_seconds}, {"clean", clean_seconds}, {"write", watch.lap()}};
   for (const std::string& line : ingest_lines(context.output, counts, scan)) note(context, line);
 }
 

@@ -1,7 +1,6 @@
 // rbvh lod: a smaller pair of a pair, by levels, bytes or error.
 #include <spdlog/fmt/fmt.h>
 
-#include <cmath>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -52,16 +51,11 @@ void measure(Context& context, const LodOptions& options, std::optional<Device>&
 }
 
 std::string choose_by_error(Context& context, const LodOptions& options, const Rbvh& rbvh) {
-  const bool was_measured = !options.against.empty();  // then nothing else will do
-  for (const Level& level : rbvh.levels)
-    if (const KnownError error = known_error(rbvh, level);
-        std::isnan(error.percent) || (was_measured && !error.is_measured))
-      throw Error(
-          ErrorKind::kInput, options.file,
-          "level " + level.name +
-              (!was_measured ? " was not measured, and was built for no error; build with --measure, or name "
-                               "the scan with --against"
-                             : " and " + options.against + " are hit by no ray both; is it another scan?"));
+  const std::vector<std::string> unmeasured = unmeasured_levels(rbvh);
+  if (!options.against.empty() && !unmeasured.empty())
+    throw Error(ErrorKind::kInput, options.file,
+                "level " + unmeasured.front() + " and " + options.against +
+                    " are hit by no ray both; is it another scan?");
   const double diagonal = static_cast<double>(rbvh.source.bounds.diagonal());
   const double most = part_of_diagonal(*options.most_error, "%", {diagonal, rbvh.source.units}, options.file);
   const Level& level = choose_level_by_error(rbvh, 100 * most, options.file);
@@ -80,10 +74,9 @@ void run_lod(Context& context, const LodOptions& options) {
                      {context.output, atlas_path(context.output)});
   check_pair_output(context);
   check_is_pair(options.file);
-  Stopwatch watch;
   Asset pair = load(context, options.file);
   Rbvh& rbvh = *pair.rbvh();
-  const double load_seconds = watch.lap();
+  time_phase(context, "load");
 
   std::optional<Device> device;
   const Level finest = rbvh.levels.front();  // that came in: what others are derived from
@@ -101,7 +94,7 @@ void run_lod(Context& context, const LodOptions& options) {
   keep_levels(rbvh, choice.names);
   if (!options.against.empty()) measure(context, options, device, pair);
   if (options.most_error) keep_levels(rbvh, {choose_by_error(context, options, rbvh)});
-  const double work_seconds = watch.lap();
+  time_phase(context, "levels");
 
   std::function<void(Rbvh&)> add_coarser;
   if (options.levels.empty() && !options.most_error)
@@ -110,9 +103,8 @@ void run_lod(Context& context, const LodOptions& options) {
                               ? write_rbvh_within(context.output, rbvh, context.force, *options.most_bytes,
                                                   options.file, add_coarser)
                               : write_rbvh(context.output, rbvh, context.force);
-  auto& report = context.report;
-  report["timings"] = {{"load", load_seconds}, {"levels", work_seconds}, {"write", watch.lap()}};
-  report["levels"] = levels_json(rbvh, bytes);
+  time_phase(context, "write");
+  context.report["levels"] = levels_json(rbvh, bytes);
   report_pair(context, context.output, bytes, level_names(rbvh));
 }
 

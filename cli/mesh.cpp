@@ -1,8 +1,6 @@
 // rbvh mesh: a level of a pair as triangles or points, for programs that know no pairs.
 #include "rbvh/mesh.h"
 
-#include <spdlog/fmt/fmt.h>
-
 #include <filesystem>
 #include <memory>
 
@@ -10,6 +8,8 @@
 #include "cli/common.h"
 #include "cli/stages.h"
 #include "io/output_file.h"
+#include "io/report_json.h"
+#include "io/report_text.h"
 #include "rbvh/io.h"
 
 namespace rbvh {
@@ -28,53 +28,26 @@ bool is_glb(const std::string& output) {
   return extension == ".glb";
 }
 
-nlohmann::ordered_json counts_json(const Scan& mesh, const LevelMeshCounts& counts) {
-  nlohmann::ordered_json json = {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}};
-  if (mesh.is_cloud()) return json;
-  json["tile_quads"] = counts.tile_quads;
-  json["trimmed_quads"] = counts.trimmed_quads;
-  json["primitive_triangles"] = counts.primitive_triangles;
-  json["welded_vertices"] = counts.welded_vertices;
-  json["stitch_triangles"] = counts.stitch_triangles;
-  json["primitive_open_edges"] = counts.primitive_open_edges;
-  json["open_edges"] = counts.open_edges;
-  json["non_manifold_edges"] = counts.non_manifold_edges;
-  return json;
-}
-
 void run_mesh(Context& context, const MeshOptions& options) {
   const bool glb = is_glb(context.output);
   check_paths_differ(context, {options.file}, {context.output});
   check_output(context.output, context.force);
   check_is_pair(options.file);
-  Stopwatch watch;
   const Asset pair = load(context, options.file);
-  const double load_seconds = watch.lap();
+  time_phase(context, "load");
   const std::string level = options.level.empty() ? level_names(pair).front() : options.level.front();
   LevelMeshCounts counts;
   context.progress.update("mesh", 0);
   const Scan mesh = level_mesh(pair, level, &counts);
-  const double mesh_seconds = watch.lap();
+  time_phase(context, "mesh");
   glb ? write_glb(context.output, mesh, pair.up_axis(), context.force)
       : write_ply(context.output, mesh, context.force);
   context.progress.finish();
+  time_phase(context, "write");
   context.report["level"] = level;
-  context.report["counts"] = counts_json(mesh, counts);
-  context.report["timings"] = {{"load", load_seconds}, {"mesh", mesh_seconds}, {"write", watch.lap()}};
-  if (mesh.is_cloud()) {
-    note(context,
-         fmt::format("rbvh mesh: wrote {} ({}, {} points)", context.output, level, mesh.positions.size()));
-    return;
-  }
-  if (counts.tile_quads > 0)
-    note(context,
-         fmt::format("tiles: {} quads, {} of them trimmed; gaps: {} vertices welded, {} triangles added",
-                     counts.tile_quads, counts.trimmed_quads, counts.welded_vertices,
-                     counts.stitch_triangles));
-  note(context,
-       fmt::format("rbvh mesh: wrote {} ({}, {} vertices, {} triangles; {} open edges, {} non-manifold)",
-                   context.output, level, mesh.positions.size(), mesh.triangles.size(), counts.open_edges,
-                   counts.non_manifold_edges));
+  context.report["counts"] = mesh_json(mesh, counts);
+  if (const std::string joined = joined_tiles_text(counts); !joined.empty()) note(context, joined);
+  note(context, "rbvh mesh: wrote " + context.output + " (" + level + ", " + mesh_text(mesh, counts) + ")");
 }
 
 }  // namespace

@@ -23,22 +23,6 @@ struct PaintOptions {
   std::optional<float> reach;
 };
 
-struct Paint {
-  std::vector<Vec3f> points;
-  FloatTable values;
-};
-
-Paint read_paint(const Context& context, const PaintOptions& options) {
-  static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
-  for (const std::string& path : {options.points, options.values}) check_read_budget(context.memory, path);
-  Paint paint{read_points(options.points), read_npy(options.values, kColumns)};
-  if (paint.values.rows != paint.points.size())
-    throw Error(ErrorKind::kInput, options.values,
-                "has " + std::to_string(paint.values.rows) + " rows for the " +
-                    std::to_string(paint.points.size()) + " points of " + options.points);
-  return paint;
-}
-
 void check_words(const PaintOptions& options) {
   const bool from_scan = !options.scan.empty();
   if (from_scan == (!options.points.empty() || !options.values.empty()) ||
@@ -47,18 +31,6 @@ void check_words(const PaintOptions& options) {
   const LayerKind kind = layer_kind(options.layer);
   if (kind != LayerKind::kUser && (from_scan || kind != LayerKind::kColor))
     throw Error(ErrorKind::kUsage, "", "--layer: " + options.layer + " cannot be painted; take another name");
-}
-
-PaintCounts paint_points(const Device& device, const PaintOptions& options, const Paint& paint, float reach,
-                         Level& level) {
-  if (options.scale && find_layer(level, options.layer) != nullptr)
-    throw Error(ErrorKind::kUsage, options.file,
-                "layer " + options.layer + " of level " + level.name +
-                    " is there and has its resolution; --layer-scale is for new ones");
-  Layer& layer =
-      layer_to_paint(level, options.layer, paint.values.columns, options.scale.value_or(1), options.file);
-  return paint_layer(make_point_index(device, level), level, layer, paint.points, paint.values.values,
-                     options.radius, reach);
 }
 
 void run_paint(Context& context, const PaintOptions& options) {
@@ -75,13 +47,12 @@ void run_paint(Context& context, const PaintOptions& options) {
     check_pair_output(context);
   check_is_pair(options.file);
 
-  Stopwatch watch;
-  Paint paint;
+  PointValues paint;
   Scan scan;
   if (from_scan)
     scan = load_scan(options.scan, context.memory, context.progress.callback());
   else
-    paint = read_paint(context, options);
+    paint = read_point_values(options.points, options.values, context.memory);
   Asset pair = load(context, options.file);
   Rbvh& rbvh = *pair.rbvh();
   move_to_shift(scan, rbvh.source.shift);
@@ -89,33 +60,35 @@ void run_paint(Context& context, const PaintOptions& options) {
             : warn_of_infinite(context, options.values, paint.values.values);
   const std::vector<std::string> levels = levels_to_cast(
       context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
-  const double load_seconds = watch.lap();
+  auto& report = context.report;
+  time_phase(context, "load");
   PaintCounts counts;
-  std::optional<Device> device;
-  if (!from_scan) device = Device::open(context.device);
-  const float reach = options.reach.value_or(default_reach(rbvh));
-  for (Level& level : rbvh.levels) {
-    if (std::find(levels.begin(), levels.end(), level.name) == levels.end()) continue;
-    if (from_scan) {
-      add_property_layers({&level, 1}, scan, {options.layer}, options.scale.value_or(1),
-                          context.progress.callback());
-      continue;
+  if (from_scan) {
+    for (Level& level : rbvh.levels)
+      if (std::find(levels.begin(), levels.end(), level.name) != levels.end())
+        add_property_layers({&level, 1}, scan, {options.layer}, options.scale.value_or(1),
+                            context.progress.callback());
+  } else {
+    const Device device = Device::open(context.device);
+    report["device"] = device_json(device.info());
+    for (const auto& [level, painted] :
+         paint_levels(device, rbvh, levels,
+                      {options.layer, paint.points, paint.values.values, paint.values.columns, options.scale,
+                       options.radius, options.reach},
+                      options.file)) {
+      report["levels"].push_back(
+          {{"name", level}, {"texels", painted.texels}, {"missed", painted.points_missed}});
+      counts.points_missed = std::max(counts.points_missed, painted.points_missed);
+      counts.texels += painted.texels;
     }
-    const PaintCounts painted = paint_points(*device, options, paint, reach, level);
-    context.report["levels"].push_back(
-        {{"name", level.name}, {"texels", painted.texels}, {"missed", painted.points_missed}});
-    counts.points_missed = std::max(counts.points_missed, painted.points_missed);
-    counts.texels += painted.texels;
   }
   if (counts.points_missed > 0)
     warn(context, options.points + ": " + std::to_string(counts.points_missed) + " of " +
                       std::to_string(paint.points.size()) +
                       " points paint nothing: further from the surface than --reach");
-  const double paint_seconds = watch.lap();
+  time_phase(context, "paint");
   const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
-  auto& report = context.report;
-  if (device) report["device"] = device_json(device->info());
-  report["timings"] = {{"load", load_seconds}, {"paint", paint_seconds}, {"write", watch.lap()}};
+  time_phase(context, "write");
   report["counts"] = {
       {"points", paint.points.size()}, {"missed", counts.points_missed}, {"texels", counts.texels}};
   report_pair(context, output, bytes, "layer " + options.layer);

@@ -1,6 +1,4 @@
 // rbvh proxy: from a mesh to quads with a vector displacement map.
-#include <spdlog/fmt/fmt.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -9,12 +7,11 @@
 
 #include "cli/common.h"
 #include "cli/stages.h"
-#include "io/hash.h"
 #include "io/input_file.h"
 #include "io/load_source.h"
-#include "io/polygon_obj.h"
 #include "io/proxy_file.h"
 #include "io/report_json.h"
+#include "io/report_text.h"
 #include "io/vdm_image.h"
 #include "pipeline/measure/measure_json.h"
 #include "pipeline/proxy/bake.h"
@@ -30,18 +27,16 @@ struct ProxyOptions {
   VdmWords vdm;
   std::optional<std::uint32_t> max_side;
   std::optional<int> patches;
-  std::optional<double> max_error_percent;
-  std::optional<double> detail, min_component;
+  BakeConfig bake;                           // but for the above
+  std::vector<const CLI::Option*> of_bakes;  // options that imports have no use for
 };
 
 double parse_percent(std::string_view text) {
   const double percent = parse_number(text);
   if (!(percent > 0 && percent <= 100))
     throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0 and up to 100 percent");
-  return percent;
+  return percent / 100;
 }
-
-double parse_percent_as_fraction(std::string_view text) { return parse_percent(text) / 100; }
 
 // Of displacements: what a proxy can hold.
 double parse_displacement(std::string_view text) {
@@ -64,53 +59,32 @@ constexpr std::pair<std::string_view, VdmSpace> kSpaces[] = {
     {"object", VdmSpace::kObject}, {"world", VdmSpace::kWorld}, {"tangent", VdmSpace::kTangent}};
 
 void run_bake(Context& context, const ProxyOptions& options) {
-  BakeConfig config;
-  if (options.detail) config.detail = *options.detail;
-  if (options.min_component) config.min_component = *options.min_component;
+  BakeConfig config = options.bake;
   if (options.max_side) config.max_side = *options.max_side;
-  if (options.max_error_percent) {
-    config.max_error = *options.max_error_percent / 100;
-    config.max_patches = 0;
-  }
+  if (config.max_error > 0) config.max_patches = 0;
   if (options.patches) config.max_patches = static_cast<std::uint64_t>(*options.patches);
-  Stopwatch watch;
   const SourceScan input = load_source(options.file, context.memory);
   check_bakeable(input.scan, options.file);
   check_budget(context.memory, bake_memory(input.scan), options.file, "baking it");
-  const double load_seconds = watch.lap();
+  time_phase(context, "load");
   BakeReport counts;
   const Proxy proxy = bake_proxy(input.scan, options.file, config, counts, context.progress.callback());
-  const double bake_seconds = watch.lap();
+  time_phase(context, "bake");
   const SavedProxy saved =
       save_proxy(context.output, proxy, {input.name, input.hash, input.scan.shift}, context.force);
-  const double write_seconds = watch.lap();
+  time_phase(context, "write");
   const nlohmann::ordered_json distance = proxy_measure_json(measure_proxy(proxy, input.scan));
-  const double measure_seconds = watch.lap();
+  time_phase(context, "measure");
 
   auto& report = context.report;
-  report["timings"] = {{"load", load_seconds},        {"bake", bake_seconds},
-                       {"join", counts.join_seconds}, {"decimate", counts.decimate_seconds},
-                       {"pair", counts.pair_seconds}, {"sample", counts.sample_seconds},
-                       {"write", write_seconds},      {"measure", measure_seconds}};
+  report["timings"].update(timings_json(counts));
   report.update(bake_json(counts));
   report["distance"] = distance;
   report["bytes"] = proxy_bytes_json(saved.header);
   if (!saved.warning.empty()) warn(context, saved.warning);
-  const ManifoldCounts& mesh = counts.mesh;
-  if (mesh.small_components > 0)
-    note(context, fmt::format("left out: {} small components ({} triangles)", mesh.small_components,
-                              mesh.small_triangles));
-  if (mesh.cut_edges > 0)
-    note(context, fmt::format("cut {} non-manifold edges: more than two triangles share them, or two of "
-                              "opposite orientation",
-                              mesh.cut_edges));
-  note(context,
-       fmt::format(
-           "rbvh proxy: wrote {} ({} patches, {} texels, {}; RMS distance {:.2g}% to the scan, {:.2g}% "
-           "back)",
-           context.output, counts.patches, counts.texels, format_bytes(saved.header.bytes()),
-           distance["proxy_to_scan"]["rms_percent"].get<double>(),
-           distance["scan_to_proxy"]["rms_percent"].get<double>()));
+  for (const std::string& line : manifold_lines(counts.mesh)) note(context, line);
+  note(context, "rbvh proxy: wrote " + context.output + " (" +
+                    bake_text(counts, saved.header.bytes(), distance) + ")");
 }
 
 void warn_of(Context& context, const std::string& file, const ImportReport& counts) {
@@ -128,39 +102,30 @@ void warn_of(Context& context, const std::string& file, const ImportReport& coun
 }
 
 void run_import(Context& context, const ProxyOptions& options) {
-  if (options.patches || options.max_error_percent || options.detail || options.min_component)
-    throw Error(
-        ErrorKind::kUsage, "",
-        "--patches, --max-error, --detail and --min-component are for baking a scan, and --vdm brings a map");
+  for (const CLI::Option* option : options.of_bakes)
+    if (option->count() > 0)
+      throw Error(ErrorKind::kUsage, "",
+                  "--patches, --max-error, --detail and --min-component are for baking a scan, and --vdm "
+                  "brings a map");
   ImportConfig config;
   config.convention = vdm_convention(options.vdm);
   if (options.max_side) config.max_side = *options.max_side;
-  Stopwatch watch;
-  ProxySource source;
-  PolygonMesh mesh;
-  {
-    const InputBytes bytes = read_input(options.file);
-    check_budget(context.memory, bytes.size * 6, options.file, "reading it");
-    source.name = source_name(options.file);
-    source.hash = hash_bytes(bytes.view());
-    mesh = read_polygon_obj(bytes.view(), input_name(options.file));
-  }
+  const SourcePolygons source = load_polygon_source(options.file, context.memory);
   const VdmMap map = read_vdm_map(options.map);
-  const double load_seconds = watch.lap();
+  time_phase(context, "load");
   ImportReport counts;
-  const Proxy proxy = import_vdm(mesh, map, config, input_name(options.file), counts);
-  source.shift = counts.shift;
-  const double import_seconds = watch.lap();
-  const SavedProxy saved = save_proxy(context.output, proxy, source, context.force);
+  const Proxy proxy = import_vdm(source.mesh, map, config, input_name(options.file), counts);
+  time_phase(context, "import");
+  const SavedProxy saved =
+      save_proxy(context.output, proxy, {source.name, source.hash, counts.shift}, context.force);
   auto& report = context.report;
-  report["timings"] = {{"load", load_seconds}, {"import", import_seconds}, {"write", watch.lap()}};
+  time_phase(context, "write");
   report.update(import_json(counts));
   report["bytes"] = proxy_bytes_json(saved.header);
   if (!saved.warning.empty()) warn(context, saved.warning);
   warn_of(context, options.file, counts);
   note(context,
-       fmt::format("rbvh proxy: wrote {} ({} patches, {} texels, {}; {} seams welded)", context.output,
-                   counts.patches, counts.texels, format_bytes(saved.header.bytes()), counts.welded_edges));
+       "rbvh proxy: wrote " + context.output + " (" + import_text(counts, saved.header.bytes()) + ")");
 }
 
 void run_proxy(Context& context, const ProxyOptions& options) {
@@ -185,18 +150,20 @@ void add_proxy(CLI::App& app, Context& context) {
       ->add_option("FILE", options->file,
                    "a mesh of any ingest format; with --vdm an OBJ (-: standard input)")
       ->required();
-  add_parsed(*stage, "--patches", options->patches, parse_positive, "N",
-             "at most this many patches (default: 3000, or with --max-error as few as it allows)");
-  add_parsed(*stage, "--max-error", options->max_error_percent, parse_percent, "PERCENT",
-             "how far the base quads' corners may simplify the surface, RMS in % of the diagonal");
-  add_parsed(
-      *stage, "--detail", options->detail, parse_percent_as_fraction, "PERCENT",
-      "texels are fine enough that twice as many would change the surface by no more than this, RMS in "
-      "% of the diagonal (default: 0.006)");
+  const auto of_bakes = [&](const char* name, auto& target, auto parse, const char* value, const char* help) {
+    options->of_bakes.push_back(add_parsed(*stage, name, target, parse, value, help));
+  };
+  of_bakes("--patches", options->patches, parse_positive, "N",
+           "at most this many patches (default: 3000, or with --max-error as few as it allows)");
+  of_bakes("--max-error", options->bake.max_error, parse_percent, "PERCENT",
+           "how far the base quads' corners may simplify the surface, RMS in % of the diagonal");
+  of_bakes("--detail", options->bake.detail, parse_percent, "PERCENT",
+           "texels are fine enough that twice as many would change the surface by no more than this, RMS in "
+           "% of the diagonal (default: 0.006)");
+  of_bakes("--min-component", options->bake.min_component, parse_component, "PERCENT",
+           "leave out parts with less than this share of the area (default: 0.1; 0: keep all)");
   add_parsed(*stage, "--max-side", options->max_side, parse_side, "N",
              "texels a side of a patch's tile at most, 2^k + 1 (default: 129; with --vdm 257)");
-  add_parsed(*stage, "--min-component", options->min_component, parse_component, "PERCENT",
-             "leave out parts with less than this share of the area (default: 0.1; 0: keep all)");
   stage
       ->add_option(
           "--vdm", options->map,

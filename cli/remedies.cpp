@@ -23,6 +23,12 @@ const char* words(Remedy remedy) {
       return "; allow fewer a patch (--max-side)";
     case Remedy::kImportProxy:
       return "; convert the asset by rbvh proxy --vdm";
+    case Remedy::kScanUnits:
+      return "; give it in scan units (such as 0.5units), or ingest the scan with --units";
+    case Remedy::kMeasure:
+      return "; build with --measure, or name the scan with --against";
+    case Remedy::kNewLayer:
+      return "; --layer-scale is for new ones";
   }
   return "";
 }

@@ -56,46 +56,12 @@ Image::Kind kind_of(Aov aov) {
   return aov == Aov::kDepth || aov == Aov::kPosition ? Image::Kind::kData : Image::Kind::kColor;
 }
 
-[[noreturn]] void refuse_same_name(const std::string& file) {
-  throw Error(ErrorKind::kUsage, file,
-              "another input has the same name without extension, so would its picture; render it by itself");
-}
-
-// Everything about the names that can be wrong before a file is read.
-void check_names(const RenderOptions& options, const NameTemplate& names, std::size_t cameras) {
-  image_format(names.text(), kind_of(options.aov));
-  const bool many_levels =
-      options.levels.size() > 1 || (options.levels.size() == 1 && options.levels[0] == "all");
-  const auto require = [&](bool many, const char* what, const char* field) {
-    if (many && !names.has(field))
-      throw Error(
-          ErrorKind::kUsage, names.text(),
-          std::string("several ") + what + " would go to one picture; put {" + field + "} in the name");
-  };
-  require(options.files.size() > 1, "files", "name");
-  require(many_levels, "levels", "level");
-  require(cameras > 1, "cameras", "frame");
-  std::set<std::string> stems;
-  for (const std::string& file : options.files)
-    if (!stems.insert(std::filesystem::path(file).stem().string()).second && !names.has("level"))
-      refuse_same_name(file);
-}
-
 // Options that the pictures asked for have no use for.
 void check_use(const RenderOptions& options) {
   if (options.aov != Aov::kShaded && (options.samples > 0 || !options.color_layer.empty()))
     throw Error(ErrorKind::kUsage, "", "--samples and --color-layer are for shaded pictures");
   check_proxy_options(options.proxies, options.files);
 }
-
-struct StageTimings : RenderTimings {
-  double load = 0, upload = 0, write = 0;
-};
-
-struct RenderCounts {
-  std::uint64_t images = 0, bytes = 0;
-  std::uint64_t differing = 0;  // pixels of compared pictures
-};
 
 class Renderer {
  public:
@@ -107,11 +73,13 @@ class Renderer {
       configs_.push_back(exact_config(options_.exact, tracer));
     names_ = NameTemplate(context_.output);
     words_ = {options_.camera.words};
-    const int turns = std::max(1, options_.camera.turntable);
     if (!options_.camera.cameras_path.empty())
       words_ = read_cameras(options_.camera.cameras_path, options_.camera.words);
     check_paths_differ(context_, options_.files, {context_.output});
-    check_names(options_, names_, words_.size() * static_cast<std::size_t>(turns));
+    image_format(names_.text(), kind_of(options_.aov));
+    const std::vector<std::string>& levels = options_.levels;
+    check_names_differ(names_, options_.files, levels.size() > 1 || (!levels.empty() && levels[0] == "all"),
+                       words_.size() > 1 || options_.camera.turntable > 1);
     check_use(options_);
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
@@ -126,7 +94,7 @@ class Renderer {
   static constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 2 * sizeof(Vec3f) + 8 * sizeof(float);
 
   void render_file(const std::string& path) {
-    Stopwatch watch;
+    context_.phase_watch.lap();
     const Asset asset =
         load(context_, path, {.tessellate = options_.proxies.tessellate, .levels = options_.levels});
     if (!asset.scan() && !options_.compared.empty())
@@ -150,7 +118,7 @@ class Renderer {
         check_output(name, context_.force);
       }
     }
-    timings_.load += watch.lap();
+    time_phase(context_, "load");
     if (!device_) {
       device_ = opening_.get();
       context_.report["device"] = device_json(device_->info());
@@ -161,12 +129,12 @@ class Renderer {
     }
     std::size_t done = 0;
     for (const std::string& level : levels) {
-      watch.lap();
+      context_.phase_watch.lap();
       std::vector<std::unique_ptr<Tracer>> tracers;
       for (const ExactConfig& config : configs_)
         tracers.push_back(make_tracer(*device_, asset, level, scene_config(config)));
       device_->finish();
-      timings_.upload += watch.lap();
+      time_phase(context_, "upload");
       for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
         context_.progress.update(
             "render", static_cast<double>(done++) / static_cast<double>(levels.size() * cameras.size()));
@@ -174,12 +142,11 @@ class Renderer {
             options_.compared.empty()
                 ? picture(asset, level, *tracers[0], cameras[frame])
                 : render_difference(*tracers[0], *tracers[1], cameras[frame], size.width, size.height,
-                                    asset.bounds.diagonal(), counts_.differing, &timings_);
-        watch.lap();
+                                    asset.bounds.diagonal(), differing_, &timings_);
+        context_.phase_watch.lap();
         const std::string name = output_name(asset, level, frame);
         write_image(name, image, context_.force);
-        timings_.write += watch.lap();
-        ++counts_.images;
+        time_phase(context_, "write");
         note_output(name);
       }
       report_proxies(context_, *tracers[0]);
@@ -201,22 +168,8 @@ class Renderer {
     config.up = static_cast<Vec3f>(options_.camera.up.value_or(asset.up_axis()));
     config.as_shown = options_.aov != Aov::kShaded &&
                       image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr;
-    if (!options_.color_layer.empty()) {
-      const Level* colored = asset.rbvh() ? asset.rbvh()->find_level(level) : nullptr;
-      const Layer& layer = color_layer(asset, colored, level);
-      config.colors = [colored, &layer](std::span<const Hit> hits) {
-        return layer_colors(*colored, layer, hits);
-      };
-    }
+    if (!options_.color_layer.empty()) config.colors = layer_colors(asset, level, options_.color_layer);
     return render(tracer, camera, config, &timings_);
-  }
-
-  const Layer& color_layer(const Asset& asset, const Level* level, const std::string& name) const {
-    const Layer* layer = level ? find_layer(*level, options_.color_layer) : nullptr;
-    if (!layer || layer_kind(layer->name) != LayerKind::kUser)
-      throw Error(ErrorKind::kUsage, asset.path,
-                  "--color-layer: there is no layer '" + options_.color_layer + "' of your own in " + name);
-    return *layer;
   }
 
   std::string output_name(const Asset& asset, const std::string& level, std::size_t frame) const {
@@ -226,25 +179,23 @@ class Renderer {
   void note_output(const std::string& name) {
     std::error_code code;
     const std::uintmax_t bytes = std::filesystem::file_size(name, code);
-    if (!code) counts_.bytes += bytes;
+    bytes_ += code ? 0 : bytes;
     context_.report["outputs"].push_back({{"file", name}, {"bytes", code ? 0 : bytes}});
     detail(context_, "rbvh render: wrote " + name);
   }
 
   void write_report() {
-    context_.report["timings"] = {{"load", timings_.load},
-                                  {"upload", timings_.upload},
-                                  {"trace", timings_.trace},
-                                  {"shade", timings_.shade},
-                                  {"write", timings_.write}};
-    context_.report["counts"] = {{"images", counts_.images},
-                                 {"rays", timings_.rays},
-                                 {"mrays_per_second", mrays_per_second(timings_.rays, timings_.trace)}};
+    auto& report = context_.report;
+    report["timings"]["trace"] = timings_.trace;
+    report["timings"]["shade"] = timings_.shade;
+    report["counts"] = {{"images", report["outputs"].size()},
+                        {"rays", timings_.rays},
+                        {"mrays_per_second", mrays_per_second(timings_.rays, timings_.trace)}};
     if (!options_.compared.empty()) {
-      context_.report["counts"]["differing_pixels"] = counts_.differing;
-      note(context_, "rbvh render: " + counted(counts_.differing, "differing pixel"));
+      report["counts"]["differing_pixels"] = differing_;
+      note(context_, "rbvh render: " + counted(differing_, "differing pixel"));
     }
-    context_.report["bytes"] = counts_.bytes;
+    report["bytes"] = bytes_;
   }
 
   Context& context_;
@@ -255,8 +206,8 @@ class Renderer {
   std::vector<CameraWords> words_;
   std::future<Device> opening_;
   std::optional<Device> device_;
-  StageTimings timings_;
-  RenderCounts counts_;
+  RenderTimings timings_;
+  std::uint64_t bytes_ = 0, differing_ = 0;  // differing_: pixels of compared pictures
 };
 
 }  // namespace

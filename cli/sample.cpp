@@ -8,7 +8,6 @@
 #include "io/output_file.h"
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
-#include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/layer_sampling.h"
 
 namespace rbvh {
@@ -24,36 +23,24 @@ void run_sample(Context& context, const SampleOptions& options) {
   check_paths_differ(context, {options.file, atlas_path(options.file), options.points}, {context.output});
   check_output(context.output, context.force);
   check_is_pair(options.file);
-  Stopwatch watch;
   check_read_budget(context.memory, options.points);
   const std::vector<Vec3f> points = read_points(options.points);
   const Asset pair = load(context, options.file, {.levels = options.levels});
   const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
-  const Layer* layer = find_layer(level, options.layer);
-  Layer normals;  // a level stores none where its surface has them itself
-  if (layer == nullptr && layer_kind(options.layer) == LayerKind::kNormal) {
-    normals = make_normal_layer(level);
-    layer = &normals;
-  }
-  if (layer == nullptr) {
-    std::string there;
-    for (const Layer& each : level.layers) there += (there.empty() ? "" : ", ") + each.name;
-    throw Error(ErrorKind::kUsage, options.file,
-                "level " + level.name + " has no layer '" + options.layer + "'; there are " + there);
-  }
-  const double load_seconds = watch.lap();
+  const Layer layer = layer_to_sample(level, options.layer, options.file);
+  time_phase(context, "load");
   const Device device = Device::open(context.device);
-  const std::vector<float> values = sample_layer(make_point_index(device, level), level, *layer, points,
+  const std::vector<float> values = sample_layer(make_point_index(device, level), level, layer, points,
                                                  options.reach.value_or(default_reach(*pair.rbvh())));
-  const double sample_seconds = watch.lap();
-  const std::size_t width = sample_width(*layer);
+  time_phase(context, "sample");
+  const std::size_t width = sample_width(layer);
   write_npy(context.output, values, width, context.force);
+  time_phase(context, "write");
   std::uint64_t missed = 0;
   for (std::size_t i = 0; i < values.size(); i += width) missed += std::isnan(values[i]);
   if (missed > 0)
     detail(context, "rbvh sample: " + counted(missed, "point") + " where the layer has no value");
   context.report["device"] = device_json(device.info());
-  context.report["timings"] = {{"load", load_seconds}, {"sample", sample_seconds}, {"write", watch.lap()}};
   context.report["counts"] = {{"points", points.size()}, {"without_value", missed}};
   context.report["bytes"] = values.size() * sizeof(float);
   context.report["level"] = level.name;

@@ -42,7 +42,6 @@ void run_trace(Context& context, const TraceOptions& options) {
   check_proxy_options(options.proxies, {options.file});
   check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
-  Stopwatch watch;
   NpyReader rays(options.rays, kRayColumns);
   std::future<Device> opening = open_meanwhile(context.device);
   const Asset asset = load(context, options.file, {.levels = options.levels});
@@ -55,13 +54,13 @@ void run_trace(Context& context, const TraceOptions& options) {
   SceneConfig config = options.proxies.scene;
   config.exact = exact;
   check_tracer_budget(context.memory, asset, config);
-  const double load_seconds = watch.lap();
+  time_phase(context, "load");
 
   const Device device = opening.get();
   const auto spread = static_cast<float>(2 * std::tan(options.cone.value_or(0) * std::numbers::pi / 360));
   const std::unique_ptr<Tracer> tracer = make_tracer(device, asset, level, config, spread);
   device.finish();
-  const double upload_seconds = watch.lap();
+  time_phase(context, "upload");
 
   OutputFile file(context.output, context.force);
   file.write(npy_header(rays.rows(), kHitColumns));
@@ -72,15 +71,14 @@ void run_trace(Context& context, const TraceOptions& options) {
   const RayTableCounts counts = trace_stream(
       *tracer, stream, options.any ? RayQuery::kAny : RayQuery::kNearest, context.progress.callback());
   file.commit();
-  const double trace_seconds = watch.lap();
+  const double trace_seconds = time_phase(context, "trace");
   if (counts.unusable > 0)
     warn(context, options.rays + ": " + counted(counts.unusable, "ray") +
                       " not finite or without a direction; taken for misses");
   context.report["device"] = device_json(device.info());
   if (asset.scan()) report_exact(context, exact);
   report_proxies(context, *tracer);
-  context.report["timings"] = {
-      {"load", load_seconds}, {"upload", upload_seconds}, {"trace", trace_seconds}, {"cast", counts.seconds}};
+  context.report["timings"]["cast"] = counts.seconds;
   context.report["counts"] = {{"rays", counts.rays},
                               {"hits", counts.hits},
                               {"unusable_rays", counts.unusable},

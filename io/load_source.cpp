@@ -4,6 +4,7 @@
 
 #include "io/hash.h"
 #include "io/input_file.h"
+#include "io/polygon_obj.h"
 #include "io/proxy_file.h"
 #include "io/scan_io.h"
 #include "pipeline/scan/ingest.h"
@@ -18,6 +19,12 @@ SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
   source.scan = shift_to_float(parse_scan(bytes.view(), path));
   check_usable(source.scan, path);
   return source;
+}
+
+SourcePolygons load_polygon_source(const std::string& path, const MemoryBudget& memory) {
+  const InputBytes bytes = read_input(path);
+  check_budget(memory, std::uint64_t{bytes.size} * 6, path, "reading it");
+  return {read_polygon_obj(bytes.view(), input_name(path)), source_name(path), hash_bytes(bytes.view())};
 }
 
 std::string source_name(const std::string& path) {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "pipeline/base/memory_budget.h"
+#include "pipeline/proxy/polygon_mesh.h"
 #include "rbvh/scan.h"
 
 namespace rbvh {
@@ -18,6 +19,16 @@ struct SourceScan {
 
 /// Throws Error(kInput), also where nothing finite is left or all points are equal; Error(kBudget).
 SourceScan load_source(const std::string& path, const MemoryBudget& memory = {});
+
+/// A base mesh of another program, of which a proxy is made.
+struct SourcePolygons {
+  PolygonMesh mesh;
+  std::string name;        ///< as SourceScan's
+  std::uint64_t hash = 0;  ///< of the file's bytes
+};
+
+/// Reads an OBJ ("-": standard input). Throws as read_polygon_obj(), and Error(kBudget).
+SourcePolygons load_polygon_source(const std::string& path, const MemoryBudget& memory = {});
 
 /// How a pair or a proxy names the file that it was made of: SourceScan.name.
 std::string source_name(const std::string& path);

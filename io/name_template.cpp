@@ -1,6 +1,8 @@
 #include "io/name_template.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <set>
 
 #include "pipeline/base/error.h"
 
@@ -60,6 +62,28 @@ std::string NameTemplate::fill(std::string_view name, std::string_view level, in
     }
   }
   return filled;
+}
+
+void check_names_differ(const NameTemplate& names, const std::vector<std::string>& files, bool several_levels,
+                        bool several_cameras) {
+  const auto require = [&](bool several, const char* what, const char* field) {
+    if (several && !names.has(field))
+      throw Error(
+          ErrorKind::kUsage, names.text(),
+          std::string("several ") + what + " would go to one picture; put {" + field + "} in the name");
+  };
+  require(files.size() > 1, "files", "name");
+  require(several_levels, "levels", "level");
+  require(several_cameras, "cameras", "frame");
+  std::set<std::string> stems;
+  for (const std::string& file : files)
+    if (!stems.insert(std::filesystem::path(file).stem().string()).second && !names.has("level"))
+      refuse_same_name(file);
+}
+
+void refuse_same_name(const std::string& file) {
+  throw Error(ErrorKind::kUsage, file,
+              "another input has the same name without extension, so would its picture; render it by itself");
 }
 
 }  // namespace rbvh

@@ -29,4 +29,11 @@ class NameTemplate {
   std::vector<Piece> pieces_;
 };
 
+/// Throws Error(kUsage) where several files, levels or cameras would go to one picture.
+void check_names_differ(const NameTemplate& names, const std::vector<std::string>& files, bool several_levels,
+                        bool several_cameras);
+
+/// Throws the Error(kUsage) of a file whose picture has another file's name.
+[[noreturn]] void refuse_same_name(const std::string& file);
+
 }  // namespace rbvh

@@ -12,6 +12,7 @@
 #include "io/input_file.h"
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/memory_budget.h"
 
 namespace rbvh {
 namespace {
@@ -251,6 +252,18 @@ std::vector<Vec3f> read_points(const std::string& path) {
   for (std::size_t i = 0; i < table.rows; ++i)
     points[i] = {table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]};
   return points;
+}
+
+PointValues read_point_values(const std::string& points, const std::string& values,
+                              const MemoryBudget& memory) {
+  static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
+  for (const std::string& path : {points, values}) check_read_budget(memory, path);
+  PointValues read{read_points(points), read_npy(values, kColumns)};
+  if (read.values.rows != read.points.size())
+    throw Error(ErrorKind::kInput, values,
+                "has " + std::to_string(read.values.rows) + " rows for the " +
+                    std::to_string(read.points.size()) + " points of " + points);
+  return read;
 }
 
 std::string npy_header(std::uint64_t rows, std::size_t columns) {

@@ -11,6 +11,7 @@
 
 #include "io/input_file.h"
 #include "rbvh/geometry.h"
+#include "rbvh/memory_budget.h"
 
 namespace rbvh {
 
@@ -46,6 +47,17 @@ class NpyReader {
 
 /// read_npy() of a table of three columns as points.
 std::vector<Vec3f> read_points(const std::string& path);
+
+/// Points, and a row of values for each.
+struct PointValues {
+  std::vector<Vec3f> points;
+  FloatTable values;
+};
+
+/// Reads both, the values of 1 to 4 columns. Throws as read_npy(), Error(kInput) where the rows are not as
+/// many as the points, Error(kBudget).
+PointValues read_point_values(const std::string& points, const std::string& values,
+                              const MemoryBudget& memory);
 
 /// What a file of so many rows begins with.
 std::string npy_header(std::uint64_t rows, std::size_t columns);

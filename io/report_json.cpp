@@ -62,6 +62,21 @@ Json ingest_json(const IngestReport& counts, const Scan& scan, const std::vector
   };
 }
 
+Json timings_json(const BuildTimings& timings) {
+  return {{"simplify", timings.simplify},
+          {"upload", timings.upload},
+          {"partition", timings.partition},
+          {"rasterize", timings.rasterize},
+          {"pack", timings.pack}};
+}
+
+Json timings_json(const BakeReport& report) {
+  return {{"join", report.join_seconds},
+          {"decimate", report.decimate_seconds},
+          {"pair", report.pair_seconds},
+          {"sample", report.sample_seconds}};
+}
+
 Json levels_json(const Rbvh& rbvh, const BuildTimings& timings) {
   Json list = Json::array();
   for (std::size_t i = 0; i < rbvh.levels.size(); ++i) {
@@ -87,6 +102,20 @@ Json levels_json(const Rbvh& rbvh, const RbvhBytes& bytes) {
                     {"fidelity", fidelity_json(level.fidelity)}});
   }
   return list;
+}
+
+Json mesh_json(const Scan& mesh, const LevelMeshCounts& counts) {
+  Json json = {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}};
+  if (mesh.is_cloud()) return json;
+  json["tile_quads"] = counts.tile_quads;
+  json["trimmed_quads"] = counts.trimmed_quads;
+  json["primitive_triangles"] = counts.primitive_triangles;
+  json["welded_vertices"] = counts.welded_vertices;
+  json["stitch_triangles"] = counts.stitch_triangles;
+  json["primitive_open_edges"] = counts.primitive_open_edges;
+  json["open_edges"] = counts.open_edges;
+  json["non_manifold_edges"] = counts.non_manifold_edges;
+  return json;
 }
 
 Json bake_json(const BakeReport& report) {

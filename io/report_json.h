@@ -13,6 +13,7 @@
 #include "pipeline/rbvh/build.h"
 #include "pipeline/scan/ingest.h"
 #include "pipeline/trace/trace_patch.h"
+#include "rbvh/mesh.h"
 
 namespace rbvh {
 
@@ -25,11 +26,18 @@ const char* device_type(const DeviceInfo& info);
 nlohmann::ordered_json ingest_json(const IngestReport& counts, const Scan& scan,
                                    const std::vector<std::string>& inputs);
 
+/// The phases of a build, and of a bake.
+nlohmann::ordered_json timings_json(const BuildTimings& timings);
+nlohmann::ordered_json timings_json(const BakeReport& report);
+
 /// A list of the levels: counts, the seconds that each took, its fidelity.
 nlohmann::ordered_json levels_json(const Rbvh& rbvh, const BuildTimings& timings);
 
 /// A list of the levels: what each is derived from, its bytes, its fidelity.
 nlohmann::ordered_json levels_json(const Rbvh& rbvh, const RbvhBytes& bytes);
+
+/// Counts of a level's mesh, or of a cloud's points.
+nlohmann::ordered_json mesh_json(const Scan& mesh, const LevelMeshCounts& counts);
 
 /// "counts", "distortion" and "longest_displacement".
 nlohmann::ordered_json bake_json(const BakeReport& report);

@@ -4,7 +4,9 @@
 
 #include <utility>
 
+#include "io/report_json.h"
 #include "pipeline/base/text.h"
+#include "pipeline/bvh/exact_methods.h"
 
 namespace rbvh {
 namespace {
@@ -20,6 +22,26 @@ std::string list_counts(const std::vector<std::pair<std::size_t, const char*>>& 
 }
 
 }  // namespace
+
+std::string device_line(const DeviceInfo& info) {
+  return fmt::format("{}  {}  {}  ({}, {} units, {})\n", info.index, device_type(info), info.name,
+                     info.platform, info.compute_units, format_bytes(info.memory_bytes));
+}
+
+std::string exact_methods_text() {
+  std::string lines;
+  for (const ExactTraversalInfo& t : kExactTraversals) {
+    lines += fmt::format("{:<14}{}; builders:", t.name, t.what);
+    const char* separator = " ";
+    for (const ExactBuilderInfo& b : kExactBuilders) {
+      if (b.tree != t.tree) continue;
+      lines += separator + std::string(b.name);
+      separator = ", ";
+    }
+    lines += "\n";
+  }
+  return lines;
+}
 
 std::string fidelity_table(const Json& list) {
   struct Row {
@@ -83,6 +105,53 @@ std::string file_line(const Json& json) {
     if (const auto count = json.find(plural(noun)); count != json.end())
       text += (text.empty() ? "" : ", ") + counted(count->get<std::uint64_t>(), noun);
   return json["file"].get<std::string>() + ": whole (" + text + ")\n";
+}
+
+std::string missed_errors(const Rbvh& rbvh) {
+  std::string missed;
+  for (const Level& level : rbvh.levels)
+    if (level.reached > level.error)
+      missed += fmt::format("{}{} {:.2g} (asked for: {:.2g})", missed.empty() ? "" : ", ", level.name,
+                            level.reached, level.error);
+  return missed;
+}
+
+std::string joined_tiles_text(const LevelMeshCounts& counts) {
+  if (counts.tile_quads == 0) return {};
+  return fmt::format("tiles: {} quads, {} of them trimmed; gaps: {} vertices welded, {} triangles added",
+                     counts.tile_quads, counts.trimmed_quads, counts.welded_vertices,
+                     counts.stitch_triangles);
+}
+
+std::string mesh_text(const Scan& mesh, const LevelMeshCounts& counts) {
+  if (mesh.is_cloud()) return fmt::format("{} points", mesh.positions.size());
+  return fmt::format("{} vertices, {} triangles; {} open edges, {} non-manifold", mesh.positions.size(),
+                     mesh.triangles.size(), counts.open_edges, counts.non_manifold_edges);
+}
+
+std::vector<std::string> manifold_lines(const ManifoldCounts& counts) {
+  std::vector<std::string> lines;
+  if (counts.small_components > 0)
+    lines.push_back(fmt::format("left out: {} small components ({} triangles)", counts.small_components,
+                                counts.small_triangles));
+  if (counts.cut_edges > 0)
+    lines.push_back(
+        fmt::format("cut {} non-manifold edges: more than two triangles share them, or two of opposite "
+                    "orientation",
+                    counts.cut_edges));
+  return lines;
+}
+
+std::string bake_text(const BakeReport& counts, std::uint64_t bytes, const Json& distance) {
+  return fmt::format("{} patches, {} texels, {}; RMS distance {:.2g}% to the scan, {:.2g}% back",
+                     counts.patches, counts.texels, format_bytes(bytes),
+                     distance["proxy_to_scan"]["rms_percent"].get<double>(),
+                     distance["scan_to_proxy"]["rms_percent"].get<double>());
+}
+
+std::string import_text(const ImportReport& counts, std::uint64_t bytes) {
+  return fmt::format("{} patches, {} texels, {}; {} seams welded", counts.patches, counts.texels,
+                     format_bytes(bytes), counts.welded_edges);
 }
 
 std::vector<std::string> ingest_lines(const std::string& output, const IngestReport& counts,

@@ -29,6 +29,9 @@ enum class Remedy {
   kDisplacementZero,   ///< say which value of the displacement map means none
   kPatchSide,          ///< allow fewer texels a side of a patch
   kImportProxy,        ///< import the displacement map with its own conventions
+  kScanUnits,          ///< state the error in the scan's units, or the scan's units at ingest
+  kMeasure,            ///< measure the levels, at the build or against the scan
+  kNewLayer,           ///< a layer's resolution is set when it is made
 };
 
 /// Where in the file: "line" 12. Lines and elements are numbered as the message's readers number them, bytes

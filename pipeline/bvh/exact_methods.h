@@ -1,4 +1,4 @@
-// The exact hierarchies' builders and traversals by name: what --builder and --tracer offer, what the
+// The exact hierarchies' builders and traversals by name: what the command line offers, what the
 // equivalence matrix checks and the benchmark measures. A new one gets a line here and a case where it is
 // built (build_exact.cpp) or flattened (trace_exact.cpp).
 #pragma once

@@ -5,6 +5,9 @@
 #include <cstdio>
 #include <limits>
 #include <tuple>
+#include <utility>
+
+#include "pipeline/scene/asset_content.h"
 
 namespace rbvh {
 namespace {
@@ -61,6 +64,14 @@ void measure_and_store(const Device& device, Asset& pair, const Asset& exact,
   for (const LevelMeasure& measure : measure_levels(device, pair, exact, levels, config, progress))
     for (Level& level : pair.rbvh()->levels)
       if (level.name == measure.level) level.fidelity = stored_fidelity(measure, views);
+}
+
+void measure_and_store(const Device& device, Rbvh& rbvh, Scan& scan, const ViewsConfig& views,
+                       const MemoryBudget& memory, const Progress& progress) {
+  Asset exact = make_asset(std::move(scan)), pair = make_asset(std::move(rbvh));
+  measure_and_store(device, pair, exact, level_names(pair), views, memory, progress);
+  scan = std::move(*exact.scan());
+  rbvh = std::move(*pair.rbvh());
 }
 
 std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found) {

@@ -17,6 +17,10 @@ void measure_and_store(const Device& device, Asset& pair, const Asset& exact,
                        const std::vector<std::string>& levels, const ViewsConfig& views,
                        const MemoryBudget& memory = {}, const Progress& progress = {});
 
+/// The same of all levels of a pair that was just built of this scan; both are as before.
+void measure_and_store(const Device& device, Rbvh& rbvh, Scan& scan, const ViewsConfig& views,
+                       const MemoryBudget& memory = {}, const Progress& progress = {});
+
 /// A figure that is worse than the file says, in words ("3 holes, where the file says 0"), or nothing: beyond
 /// what another device's rounding could explain. Both measured, with the same views.
 std::string find_difference(const LevelFidelity& stored, const LevelFidelity& found);

@@ -176,4 +176,23 @@ PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer, std
   return counts;
 }
 
+std::vector<std::pair<std::string, PaintCounts>> paint_levels(const Device& device, Rbvh& rbvh,
+                                                              const std::vector<std::string>& levels,
+                                                              const PointPaint& paint,
+                                                              const std::string& file) {
+  const float reach = paint.reach.value_or(default_reach(rbvh));
+  std::vector<std::pair<std::string, PaintCounts>> painted;
+  for (Level& level : rbvh.levels) {
+    if (std::find(levels.begin(), levels.end(), level.name) == levels.end()) continue;
+    if (paint.scale && find_layer(level, paint.layer) != nullptr)
+      throw Error(ErrorKind::kUsage, file,
+                  "layer " + paint.layer + " of level " + level.name + " is there and has its resolution",
+                  Remedy::kNewLayer);
+    Layer& layer = layer_to_paint(level, paint.layer, paint.width, paint.scale.value_or(1), file);
+    painted.emplace_back(level.name, paint_layer(make_point_index(device, level), level, layer, paint.points,
+                                                 paint.values, paint.radius, reach));
+  }
+  return painted;
+}
+
 }  // namespace rbvh

@@ -2,13 +2,26 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "pipeline/rbvh/point_query.h"
 #include "pipeline/rbvh/rbvh.h"
 
 namespace rbvh {
+
+/// Values at points, and how they are painted.
+struct PointPaint {
+  std::string layer;  ///< "color", or a user's own
+  std::span<const Vec3f> points;
+  std::span<const float> values;  ///< `width` for each point
+  std::size_t width = 0;
+  std::optional<double> scale = {};  ///< make_layer()'s, of a layer that is not there yet; not set: 1
+  float radius = 0;                  ///< see paint_layer()
+  std::optional<float> reach = {};   ///< see covering(); not set: default_reach()
+};
 
 struct PaintCounts {
   std::uint64_t points_missed = 0;  ///< that lie on no surface
@@ -27,5 +40,12 @@ Layer& layer_to_paint(Level& level, const std::string& name, std::size_t width, 
 /// `most`: see covering().
 PaintCounts paint_layer(const PointIndex& index, Level& level, Layer& layer, std::span<const Vec3f> points,
                         std::span<const float> values, float radius, float most);
+
+/// Paints the pair's levels of these names; the counts of each, in the pair's order. Throws as
+/// layer_to_paint(), and Error(kUsage) where a scale is given for a layer that is there.
+std::vector<std::pair<std::string, PaintCounts>> paint_levels(const Device& device, Rbvh& rbvh,
+                                                              const std::vector<std::string>& levels,
+                                                              const PointPaint& paint,
+                                                              const std::string& file);
 
 }  // namespace rbvh

@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_grid.h"
 #include "pipeline/rbvh/leaf_primitives.h"
@@ -110,6 +111,15 @@ float add_coverings(const Level& level, const Layer& layer, std::span<const std:
 std::size_t sample_width(const Layer& layer) {
   const LayerKind kind = layer_kind(layer.name);
   return kind == LayerKind::kNormal || kind == LayerKind::kColor ? 3 : layer.channels;
+}
+
+Layer layer_to_sample(const Level& level, const std::string& name, const std::string& file) {
+  if (const Layer* layer = find_layer(level, name)) return *layer;
+  if (layer_kind(name) == LayerKind::kNormal) return make_normal_layer(level);
+  std::string there;
+  for (const Layer& each : level.layers) there += (there.empty() ? "" : ", ") + each.name;
+  throw Error(ErrorKind::kUsage, file,
+              "level " + level.name + " has no layer '" + name + "'; there are " + there);
 }
 
 float default_reach(const Rbvh& rbvh) { return 0.01f * rbvh.source.bounds.diagonal(); }

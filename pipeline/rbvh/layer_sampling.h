@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "kernels/common/layout.h"
@@ -13,6 +14,10 @@ namespace rbvh {
 /// Values per point: 1 for heights (how far the tile's surface lies above the point, scan units), 3 for
 /// normals (unit) and colours (sRGB in [0, 1]), else the layer's channels.
 std::size_t sample_width(const Layer& layer);
+
+/// A copy of the level's layer of that name; of "normal", where the level stores none, that of its heights.
+/// Throws Error(kUsage) for any other name; `file` is for messages.
+Layer layer_to_sample(const Level& level, const std::string& name, const std::string& file);
 
 /// How far from the pair's surface a point may lie to be on it, unless told otherwise, scan units: 1% of the
 /// diagonal, beyond which a hit is on another piece of surface (leaks and walls).

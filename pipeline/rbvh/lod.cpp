@@ -143,7 +143,7 @@ const Level& choose_level_by_error(const Rbvh& rbvh, double most, const std::str
     const double error = known_error(rbvh, level).percent;
     if (std::isnan(error))
       throw Error(ErrorKind::kInput, file,
-                  "level " + level.name + " was not measured, and was built for no error");
+                  "level " + level.name + " was not measured, and was built for no error", Remedy::kMeasure);
     least = std::min(least, error);
     if (error <= most * kRounding) chosen = &level;
   }

@@ -247,4 +247,14 @@ std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::spa
   return value_colors(sample_layer_at_hits(level, layer, hits), sample_width(layer), layer.lo, layer.hi);
 }
 
+std::function<std::vector<Vec3f>(std::span<const Hit>)> layer_colors(const Asset& asset,
+                                                                     const std::string& level,
+                                                                     const std::string& layer) {
+  const Level* colored = asset.rbvh() ? asset.rbvh()->find_level(level) : nullptr;
+  const Layer* found = colored ? find_layer(*colored, layer) : nullptr;
+  if (!found || layer_kind(layer) != LayerKind::kUser)
+    throw Error(ErrorKind::kUsage, asset.path, "there is no layer '" + layer + "' of your own in " + level);
+  return [colored, found](std::span<const Hit> hits) { return layer_colors(*colored, *found, hits); };
+}
+
 }  // namespace rbvh

@@ -1,11 +1,14 @@
 // From hits to pictures: the shaded view and the other AOVs.
 #pragma once
 
+#include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/trace/surface.h"
+#include "rbvh/asset.h"
 #include "rbvh/image.h"
 #include "rbvh/render.h"
 
@@ -35,5 +38,11 @@ Image shown_image(Aov aov, const Image& data);
 
 /// The values of a user's layer as colours, for RenderConfig.colors: from the layer's lo to its hi.
 std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::span<const Hit> hits);
+
+/// RenderConfig.colors by the layer of that name of the pair's level, which must outlive them. Throws
+/// Error(kUsage) where there is none, or it is not a user's.
+std::function<std::vector<Vec3f>(std::span<const Hit>)> layer_colors(const Asset& asset,
+                                                                     const std::string& level,
+                                                                     const std::string& layer);
 
 }  // namespace rbvh

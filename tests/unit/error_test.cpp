@@ -46,7 +46,7 @@ TEST(Error, TheCommandLineNamesAnOptionForEveryRemedy) {
   };
   EXPECT_EQ(line(Remedy::kNone), "a: is wrong");
   EXPECT_EQ(line(Remedy::kOverwrite), "a: is wrong; use --force to replace it");
-  for (int i = 1; i <= static_cast<int>(Remedy::kImportProxy); ++i) {
+  for (int i = 1; i <= static_cast<int>(Remedy::kNewLayer); ++i) {
     EXPECT_TRUE(line(static_cast<Remedy>(i)).starts_with("a: is wrong; ")) << i;
     EXPECT_NE(line(static_cast<Remedy>(i)).find("--"), std::string::npos) << i;
   }
