@@ -91,7 +91,6 @@ void write_image(const std::string& path, const Image& image, bool overwrite) {
     bytes = encode_image("openexr", spec, image.pixels.data(), path);
   } else {
     if (spec.channels == 4) spec.channels = 3;
-    spec.attributes.push_back({"oiio:UnassociatedAlpha", 1});
     if (is_color) spec.attributes.push_back({"oiio:ColorSpace", "sRGB"});
     spec.attributes.push_back({"CompressionQuality", kJpegQuality});
     bytes = encode_image("jpeg", spec, to_bytes(image, spec.channels).data(), path);

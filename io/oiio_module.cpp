@@ -30,8 +30,8 @@ OIIO::ImageSpec oiio_spec(const ImageSpec& from) {
   if (!from.channel_names.empty() || from.tile_width > 0) spec.alpha_channel = -1;
   spec.tile_width = static_cast<int>(from.tile_width);
   spec.tile_height = static_cast<int>(from.tile_height);
-  for (const auto& [name, value] : from.attributes)
-    std::visit([&](const auto& each) { spec.attribute(name, each); }, value);
+  for (const auto& attribute : from.attributes)
+    std::visit([&](const auto& value) { spec.attribute(attribute.first, value); }, attribute.second);
   return spec;
 }
 

@@ -55,10 +55,6 @@ void store(const Hit& hit, const ScaledRay& ray, float* row) {
   row[7] = found ? static_cast<float>(hit.flags & RBVH_HIT_FLAGS) : 0;
 }
 
-}  // namespace
-
-namespace {
-
 /// Some rays on their way through.
 struct Piece {
   std::size_t count = 0;

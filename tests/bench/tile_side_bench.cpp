@@ -8,7 +8,9 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <limits>
+#include <functional>
+#include <utility>
+#include <vector>
 
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
@@ -67,82 +69,107 @@ std::pair<double, double> fit_logarithm(const std::vector<std::pair<double, doub
   return {a, (y - a * x) / n};
 }
 
-void run(const Options& options) {
-  const Device device = Device::open(options.device);
-  Scan scan = shift_to_float(read_scan(options.scan));
+/// What all trials are traced with.
+struct Rays {
+  CameraRays camera;
+  Buffer<Hit> camera_hits;
+  Buffer<Ray> diffuse;  ///< one bounce from the exact surface
+  Buffer<Hit> diffuse_hits;
+  std::size_t diffuse_count = 0;
+};
+
+Rays make_rays(const Device& device, const Scan& scan, std::uint32_t resolution) {
   const Bounds3f box = bounds(scan);
   const Camera camera = views_around(Bounds3d{Vec3d(box.lo), Vec3d(box.hi)}, {0, 1, 0}, 8, 1)[0];
-  const CameraRays primary = camera_rays(camera, options.resolution, options.resolution);
-  const std::size_t pixels = std::size_t{options.resolution} * options.resolution;
-  const Buffer<Hit> hits(device, pixels);
+  Rays rays;
+  rays.camera = camera_rays(camera, resolution, resolution);
+  const std::vector<Ray> first = primary_rays(rays.camera);
+  rays.camera_hits = Buffer<Hit>(device, first.size());
+  make_exact_tracer(device, scan, {})
+      .intersect(Buffer<Ray>(device, first), rays.camera_hits, first.size(), RayQuery::kNearest);
+  const std::vector<Ray> diffuse = diffuse_rays(first, rays.camera_hits.read(), 1e-3f * box.diagonal(), 1);
+  rays.diffuse = Buffer<Ray>(device, diffuse);
+  rays.diffuse_hits = Buffer<Hit>(device, diffuse.size());
+  rays.diffuse_count = diffuse.size();
+  return rays;
+}
 
-  // One bounce from the exact surface: the same rays for all.
-  std::vector<Ray> diffuse;
-  {
-    const std::vector<Ray> first = primary_rays(primary);
-    const ExactTracer exact = make_exact_tracer(device, scan, {});
-    exact.intersect(Buffer<Ray>(device, first), hits, first.size(), RayQuery::kNearest);
-    diffuse = diffuse_rays(first, hits.read(), 1e-3f * box.diagonal(), 1);
-  }
-  const Buffer<Ray> diffuse_buffer(device, diffuse);
-  const Buffer<Hit> diffuse_hits(device, diffuse.size());
+Trial build_trial(const Device& device, const Scan& scan, const BuildConfig& config,
+                  const BuildTuning& tuning, BuildTimings* timings) {
+  const Level built = std::move(build_tuned(device, scan, config, tuning, {}, timings).levels[0]);
+  Trial trial;
+  double texels = 0;
+  for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
+  trial.tracer = make_tile_tracer(device, built);
+  trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
+  trial.leaves = built.leaves.size();
+  return trial;
+}
 
-  const auto measure = [&](const Trial& trial) -> std::array<double, 2> {
-    return {seconds_of(device, [&] { trial.tracer.intersect(primary, hits); }), seconds_of(device, [&] {
-              trial.tracer.intersect(diffuse_buffer, diffuse_hits, diffuse.size(), RayQuery::kNearest);
-            })};
-  };
-  const auto measure_all = [&](std::vector<Trial>& trials, std::size_t reference) {
-    for (int round = 0; round <= options.rounds; ++round)
-      for (Trial& trial : trials) {
-        const std::array<double, 2> base = measure(trials[reference]), own = measure(trial);
-        for (std::size_t kind = 0; kind < 2 && round > 0; ++kind)  // the first compiles, warms
-          trial.rates[kind].push_back(base[kind] / own[kind]);
-      }
-    for (Trial& trial : trials)
-      for (int kind = 0; kind < 2; ++kind) trial.rate[kind] = median(trial.rates[kind]);
-  };
-  const auto build = [&](const BuildConfig& config, const BuildTuning& tuning, BuildTimings* timings) {
-    const Level built = std::move(build_tuned(device, scan, config, tuning, {}, timings).levels[0]);
-    Trial trial;
-    double texels = 0;
-    for (const RbvhLeaf& leaf : built.leaves) texels += static_cast<double>(leaf.width) * leaf.height;
-    trial.tracer = make_tile_tracer(device, built);
-    trial.side = std::sqrt(texels / static_cast<double>(built.leaves.size()));
-    trial.leaves = built.leaves.size();
-    return trial;
-  };
+std::array<double, 2> measure(const Device& device, const Rays& rays, const Trial& trial) {
+  return {seconds_of(device, [&] { trial.tracer.intersect(rays.camera, rays.camera_hits); }),
+          seconds_of(device, [&] {
+            trial.tracer.intersect(rays.diffuse, rays.diffuse_hits, rays.diffuse_count, RayQuery::kNearest);
+          })};
+}
 
-  if (options.splits) {
-    std::printf(
-        "| level | split | tiles for | nodes | partition [s] | build [s] | primary | diffuse |\n"
-        "| --- | --- | --- | --- | --- | --- | --- | --- |\n");
-    for (const std::size_t level : {0u, 2u, 4u}) {
-      std::vector<Trial> trials;
-      std::vector<std::array<double, 2>> seconds;
-      for (const RaysKind rays : {RaysKind::kCoherent, RaysKind::kIncoherent})
-        for (const SplitRule split : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea}) {
-          BuildConfig config;
-          config.levels = {standard_levels()[level]};
-          config.split = split;
-          config.rays = rays;
-          BuildTimings timings;
-          const auto start = std::chrono::steady_clock::now();
-          trials.push_back(build(config, {}, &timings));
-          const std::chrono::duration<double> all = std::chrono::steady_clock::now() - start;
-          seconds.push_back({timings.partition, all.count()});
-        }
-      measure_all(trials, 0);
-      for (std::size_t i = 0; i < trials.size(); ++i)
-        std::printf("| %s | %s | %s | %zu | %.2f | %.2f | %.2f | %.2f |\n",
-                    standard_levels()[level].name.c_str(), i % 2 == 0 ? "median" : "sah", kKinds[i / 2],
-                    2 * trials[i].leaves - 1, seconds[i][0], seconds[i][1], trials[i].rate[0],
-                    trials[i].rate[1]);
-      std::fflush(stdout);
+void measure_all(const Device& device, const Rays& rays, int rounds, std::vector<Trial>& trials,
+                 std::size_t reference) {
+  for (int round = 0; round <= rounds; ++round)
+    for (Trial& trial : trials) {
+      const std::array<double, 2> base = measure(device, rays, trials[reference]),
+                                  own = measure(device, rays, trial);
+      for (std::size_t kind = 0; kind < 2 && round > 0; ++kind)  // the first compiles, warms
+        trial.rates[kind].push_back(base[kind] / own[kind]);
     }
-    return;
-  }
+  for (Trial& trial : trials)
+    for (int kind = 0; kind < 2; ++kind) trial.rate[kind] = median(trial.rates[kind]);
+}
 
+/// Table 1: spatial median against surface area heuristic.
+void print_splits(const Device& device, const Scan& scan, const Rays& rays, int rounds) {
+  std::printf(
+      "| level | split | tiles for | nodes | partition [s] | build [s] | primary | diffuse |\n"
+      "| --- | --- | --- | --- | --- | --- | --- | --- |\n");
+  for (const std::size_t level : {0u, 2u, 4u}) {
+    std::vector<Trial> trials;
+    std::vector<std::array<double, 2>> seconds;
+    for (const RaysKind kind : {RaysKind::kCoherent, RaysKind::kIncoherent})
+      for (const SplitRule split : {SplitRule::kSpatialMedian, SplitRule::kSurfaceArea}) {
+        BuildConfig config;
+        config.levels = {standard_levels()[level]};
+        config.split = split;
+        config.rays = kind;
+        BuildTimings timings;
+        const auto start = std::chrono::steady_clock::now();
+        trials.push_back(build_trial(device, scan, config, {}, &timings));
+        const std::chrono::duration<double> all = std::chrono::steady_clock::now() - start;
+        seconds.push_back({timings.partition, all.count()});
+      }
+    measure_all(device, rays, rounds, trials, 0);
+    for (std::size_t i = 0; i < trials.size(); ++i)
+      std::printf("| %s | %s | %s | %zu | %.2f | %.2f | %.2f | %.2f |\n",
+                  standard_levels()[level].name.c_str(), i % 2 == 0 ? "median" : "sah", kKinds[i / 2],
+                  2 * trials[i].leaves - 1, seconds[i][0], seconds[i][1], trials[i].rate[0],
+                  trials[i].rate[1]);
+    std::fflush(stdout);
+  }
+}
+
+/// The middle of the mean sides whose rates are near the best.
+double best_side(const std::vector<Trial>& trials, int kind) {
+  double peak = 0, lo = 1e30, hi = 0;
+  for (const Trial& trial : trials) peak = std::max(peak, trial.rate[kind]);
+  for (const Trial& trial : trials) {
+    if (trial.rate[kind] < kPeakShare * peak) continue;
+    lo = std::min(lo, trial.side);
+    hi = std::max(hi, trial.side);
+  }
+  return (lo + hi) / 2;
+}
+
+/// Figure 4.
+void print_sides(const Device& device, const Scan& scan, const Rays& rays, const Options& options) {
   std::printf(
       "| rho | largest side | mean side | leaves | primary | diffuse |\n"
       "| --- | --- | --- | --- | --- | --- |\n");
@@ -153,25 +180,16 @@ void run(const Options& options) {
       BuildConfig config;
       config.levels = {level};
       config.split = options.split;
-      Trial trial = build(config, {.largest_tile = side}, nullptr);
+      Trial trial = build_trial(device, scan, config, {.largest_tile = side}, nullptr);
       if (!trials.empty() && trials.back().leaves == trial.leaves) break;  // no tile is that large
       trials.push_back(std::move(trial));
     }
-    measure_all(trials, trials.size() - 1);
+    measure_all(device, rays, options.rounds, trials, trials.size() - 1);
     for (std::size_t i = 0; i < trials.size(); ++i)
       std::printf("| %.0f | %.0f | %.1f | %zu | %.2f | %.2f |\n", static_cast<double>(level.rho),
                   static_cast<double>(kSides[i]), trials[i].side, trials[i].leaves, trials[i].rate[0],
                   trials[i].rate[1]);
-    for (int kind = 0; kind < 2; ++kind) {
-      double peak = 0, lo = 1e30, hi = 0;
-      for (const Trial& trial : trials) peak = std::max(peak, trial.rate[kind]);
-      for (const Trial& trial : trials) {
-        if (trial.rate[kind] < kPeakShare * peak) continue;
-        lo = std::min(lo, trial.side);
-        hi = std::max(hi, trial.side);
-      }
-      middles[kind].emplace_back(level.rho, (lo + hi) / 2);
-    }
+    for (int kind = 0; kind < 2; ++kind) middles[kind].emplace_back(level.rho, best_side(trials, kind));
     std::fflush(stdout);
   }
   std::printf("\n| rays | rho: middle of the best mean sides | fit |\n| --- | --- | --- |\n");
@@ -181,6 +199,16 @@ void run(const Options& options) {
     const auto [a, b] = fit_logarithm(middles[kind]);
     std::printf("| %.2f ln rho %+.2f |\n", a, b);
   }
+}
+
+void run(const Options& options) {
+  const Device device = Device::open(options.device);
+  const Scan scan = shift_to_float(read_scan(options.scan));
+  const Rays rays = make_rays(device, scan, options.resolution);
+  if (options.splits)
+    print_splits(device, scan, rays, options.rounds);
+  else
+    print_sides(device, scan, rays, options);
 }
 
 }  // namespace
