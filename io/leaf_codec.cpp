@@ -4,7 +4,7 @@
 #include <bit>
 
 #include "pipeline/base/error.h"
-#include "pipeline/bvh/top_tree.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 
@@ -108,7 +108,7 @@ bool decode_tree(const ByteVector& packed, const std::vector<Bounds3f>& boxes, L
       continue;
     }
     const auto left = static_cast<std::uint32_t>(level.nodes.size());
-    if (depth >= kMaxTopTreeDepth || left + 2 > nodes) return false;
+    if (depth >= kMaxLeafHierarchyDepth || left + 2 > nodes) return false;
     node.first = left;
     level.nodes.resize(left + 2);
     stack.push_back({left + 1, depth + 1});

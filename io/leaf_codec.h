@@ -17,8 +17,8 @@ struct LevelCounts {
 
 /// Throws Error(kFailure), naming `path`, where the leaves are not numbered from left to right.
 ByteVector encode_tree(const Level& level, const std::string& path);
-/// Nodes with the boxes of the leaves, numbered as build_top_tree() does. False where the stream is no such
-/// tree.
+/// Nodes with the boxes of the leaves, numbered as build_leaf_hierarchy() does. False where the stream is no
+/// such tree.
 bool decode_tree(const ByteVector& packed, const std::vector<Bounds3f>& boxes, Level& level);
 
 ByteVector encode_leaves(const Level& level);

@@ -11,8 +11,6 @@
 namespace rbvh {
 namespace {
 
-constexpr int kMaxSahDepth = 64;  // below it sets are halved, so that the depth stays bounded
-
 struct Plane {
   double cost = std::numeric_limits<double>::infinity();  ///< tests times half areas, both sides
   std::size_t left = 0;                                   ///< elements on the left
@@ -21,8 +19,9 @@ struct Plane {
 
 class Sweep {
  public:
-  Sweep(std::span<const Bounds3f> boxes, const std::vector<std::uint32_t>& usable, const BvhConfig& config)
-      : config_(config), scratch_(usable.size()), is_right_(boxes.size()) {
+  Sweep(std::span<const Bounds3f> boxes, const std::vector<std::uint32_t>& usable, const BvhConfig& config,
+        int sah_depth)
+      : config_(config), sah_depth_(sah_depth), scratch_(usable.size()), is_right_(boxes.size()) {
     parallel_for(3, 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t axis = begin; axis < end; ++axis) {
         std::vector<Element>& sorted = sorted_[axis];
@@ -47,7 +46,7 @@ class Sweep {
   Halves split(const ElementRange& range, bool parallel) {
     if (range.size() == 1) return {};
     const Plane plane =
-        range.depth < kMaxSahDepth ? best_plane(range, parallel) : Plane{0, (range.size() + 1) / 2, 0};
+        range.depth < sah_depth_ ? best_plane(range, parallel) : Plane{0, (range.size() + 1) / 2, 0};
     if (range.size() <= config_.leaf_size) {
       const double area = range.bounds.half_area();
       const double inner = config_.traversal_cost * area + config_.intersection_cost * plane.cost;
@@ -136,6 +135,7 @@ class Sweep {
   }
 
   const BvhConfig& config_;
+  const int sah_depth_;
   std::array<std::vector<Element>, 3> sorted_;     // the same elements in every range, by each axis
   std::array<std::vector<double>, 3> right_cost_;  // of the sets that begin at an element
   std::vector<Element> scratch_;
@@ -144,12 +144,12 @@ class Sweep {
 
 }  // namespace
 
-Bvh build_sah_bvh(std::span<const Bounds3f> boxes, const BvhConfig& config) {
+Bvh build_sah_bvh(std::span<const Bounds3f> boxes, const BvhConfig& config, int sah_depth) {
   RBVH_CHECK(config.leaf_size > 0 && config.test_width > 0 && boxes.size() < (1u << 31));
   const std::vector<std::uint32_t> usable = usable_boxes(boxes);
   Bvh bvh;
   if (usable.empty()) return bvh;
-  Sweep sweep(boxes, usable, config);
+  Sweep sweep(boxes, usable, config, sah_depth);
   bvh.nodes = grow_bvh(sweep.whole(), [&sweep](const ElementRange& range, bool parallel) {
     return sweep.split(range, parallel);
   });

@@ -10,7 +10,8 @@
 namespace rbvh {
 
 /// Boxes that are empty or not finite are left out. The tree does not depend on the number of threads. Any
-/// number of boxes below 2^31, with duplicates; takes some 130 bytes a box while it builds.
-Bvh build_sah_bvh(std::span<const Bounds3f> boxes, const BvhConfig& config);
+/// number of boxes below 2^31, with duplicates; takes some 130 bytes a box while it builds. Below `sah_depth`
+/// sets are halved, so that the depth stays bounded.
+Bvh build_sah_bvh(std::span<const Bounds3f> boxes, const BvhConfig& config, int sah_depth = 64);
 
 }  // namespace rbvh

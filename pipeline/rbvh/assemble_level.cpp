@@ -12,8 +12,8 @@
 #include "kernels/bvh/bvh_layout.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/height_normals.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/pack_atlas.h"
@@ -164,7 +164,7 @@ Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Sca
       for (const std::uint32_t i : refined.held[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
     }
   });
-  TopTree tree = build_top_tree(boxes);
+  LeafHierarchy tree = build_leaf_hierarchy(boxes);
   store_primitives(level, tiles, tree.order, refined.held, scan, first_at_place);
   level.nodes = std::move(tree.nodes);
   for (const std::uint32_t k : tree.order) {

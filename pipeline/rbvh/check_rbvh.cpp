@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-#include "pipeline/bvh/top_tree.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 
 namespace rbvh {
@@ -62,8 +62,8 @@ Fault find_tree_fault(const Level& level) {
     if (node.first <= i || node.first >= nodes - 1)
       return "node " + number(i) + " names children " + number(node.first) + " and the next, of " +
              number(nodes) + " nodes; they must come after it";
-    if (depth[i] >= kMaxTopTreeDepth)
-      return "node " + number(i) + " has children deeper than " + number(kMaxTopTreeDepth);
+    if (depth[i] >= kMaxLeafHierarchyDepth)
+      return "node " + number(i) + " has children deeper than " + number(kMaxLeafHierarchyDepth);
     for (const std::size_t child : {std::size_t{node.first}, std::size_t{node.first} + 1}) {
       if (depth[child] != 255) return "node " + number(child) + " has two parents";
       depth[child] = static_cast<std::uint8_t>(depth[i] + 1);

@@ -22,8 +22,8 @@ bool is_name(const std::string& name);
 /// The first fault of the hierarchies, the tiles' places and the names, in words ("level Q0: node 7 ..."), or
 /// nothing. Texels are not looked at. Takes time linear in nodes and leaves. Without a fault: every level has
 /// a tree in which children come after their parent, every node but the root has one parent, every leaf one
-/// node, no node is deeper than kMaxTopTreeDepth (the root alone has depth 0); boxes and maps are finite,
-/// maps invertible; tiles lie inside their atlas and have no more texels in all than it has.
+/// node, no node is deeper than kMaxLeafHierarchyDepth (the root alone has depth 0); boxes and maps are
+/// finite, maps invertible; tiles lie inside their atlas and have no more texels in all than it has.
 std::optional<std::string> find_fault(const Rbvh& rbvh);
 
 /// The same for the texels: every layer has exactly the atlas's.

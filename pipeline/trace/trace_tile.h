@@ -1,4 +1,4 @@
-// Ray casting one level of an RBVH on the device (section 5 of the paper): wide top tree, tile march, refined
+// Ray casting one level of an RBVH on the device (section 5 of the paper): wide nodes, tile march, refined
 // hit. On a CPU a camera's rays go in beams, others in groups of 16 that share all but the traversal; on a
 // GPU one ray a work-item.
 #pragma once

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "pipeline/bvh/top_tree.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/rbvh.h"
@@ -93,7 +93,7 @@ inline Level random_level(Random& random, const RandomLevelConfig& config, doubl
     place.hi = place.lo + uniform_point(random, 0.1f) + Vec3f{0.1f, 0.1f, 0.1f};
     if (config.on_grid) place = unround_box(level.grid, round_box(level.grid, place));
   }
-  const TopTree order = build_top_tree(places);
+  const LeafHierarchy order = build_leaf_hierarchy(places);
   std::vector<Bounds3f> boxes;
   std::uint16_t y = 0;
   for (std::uint32_t i = 0; i < config.leaves; ++i) {

@@ -10,8 +10,8 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/check_rbvh.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/texel.h"

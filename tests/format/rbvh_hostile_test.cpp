@@ -10,8 +10,8 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/bvh/top_tree.h"
 #include "pipeline/rbvh/check_rbvh.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/texel.h"
@@ -209,10 +209,10 @@ Rbvh make_chain(std::uint32_t inner) {
 }
 
 TEST_F(RbvhFileTest, DepthIsBounded) {
-  write_rbvh(path("a.rbvh"), make_chain(kMaxTopTreeDepth), false);
+  write_rbvh(path("a.rbvh"), make_chain(kMaxLeafHierarchyDepth), false);
   EXPECT_EQ(refusal("a.rbvh"), "");
   try {
-    write_rbvh(path("b.rbvh"), make_chain(kMaxTopTreeDepth + 1), false);
+    write_rbvh(path("b.rbvh"), make_chain(kMaxLeafHierarchyDepth + 1), false);
     ADD_FAILURE() << "written";
   } catch (const Error& error) {
     expect_contains(error.what(), "deeper than 64");

@@ -37,7 +37,7 @@ const Device& as_gpu() {
 }
 
 const Builder kBuilders[] = {
-    {"sah", build_sah_bvh, 1.0},
+    {"sah", [](const auto& boxes, const auto& config) { return build_sah_bvh(boxes, config); }, 1.0},
     {"sah_binned", build_sah_binned_bvh, 1.2},
     {"lbvh", [](const auto& boxes, const auto& config) { return build_lbvh(device(), boxes, config); }, 1.8},
     {"lbvh30",

@@ -1,4 +1,4 @@
-#include "pipeline/bvh/top_tree.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ bool contains(const RbvhNode& outer, const Bounds3f& inner) {
 
 /// Every box is in exactly one leaf, inside all nodes above it; no node is deeper than allowed.
 void check_tree(const std::vector<Bounds3f>& boxes) {
-  const TopTree tree = build_top_tree(boxes);
+  const LeafHierarchy tree = build_leaf_hierarchy(boxes);
   ASSERT_EQ(tree.order.size(), boxes.size());
   ASSERT_EQ(tree.nodes.size(), 2 * boxes.size() - 1);
   std::vector<int> seen(boxes.size());
@@ -38,7 +38,7 @@ void check_tree(const std::vector<Bounds3f>& boxes) {
   while (!open.empty()) {
     const Visit v = open.back();
     open.pop_back();
-    ASSERT_LE(v.depth, kMaxTopTreeDepth);
+    ASSERT_LE(v.depth, kMaxLeafHierarchyDepth);
     const RbvhNode& node = tree.nodes[v.node];
     if (node.count == 1) {
       ++seen[tree.order[node.first]];
@@ -54,12 +54,12 @@ void check_tree(const std::vector<Bounds3f>& boxes) {
   EXPECT_EQ(seen, std::vector<int>(boxes.size(), 1));
 }
 
-TEST(TopTree, HoldsEveryBoxOnce) {
+TEST(LeafHierarchy, HoldsEveryBoxOnce) {
   for (const std::size_t count : {1u, 2u, 3u, 17u, 1000u})
     check_tree(random_boxes(count, property_seed() + count));
 }
 
-TEST(TopTree, StaysShallowWhenBoxesAreEqualOrNested) {
+TEST(LeafHierarchy, StaysShallowWhenBoxesAreEqualOrNested) {
   check_tree(std::vector<Bounds3f>(5000, {{0, 0, 0}, {1, 1, 1}}));
   std::vector<Bounds3f> nested;
   for (int i = 0; i < 120; ++i) {
@@ -69,7 +69,7 @@ TEST(TopTree, StaysShallowWhenBoxesAreEqualOrNested) {
   check_tree(nested);
 }
 
-TEST(TopTree, OfNothingIsEmpty) { EXPECT_TRUE(build_top_tree({}).nodes.empty()); }
+TEST(LeafHierarchy, OfNothingIsEmpty) { EXPECT_TRUE(build_leaf_hierarchy({}).nodes.empty()); }
 
 }  // namespace
 }  // namespace rbvh
