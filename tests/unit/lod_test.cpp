@@ -67,11 +67,12 @@ TEST(Lod, LevelsAreChosenByName) {
   EXPECT_EQ(choice.derived[0].name, "Q4");
   EXPECT_EQ(derivable_levels(rbvh, rbvh.levels[0]).size(), 2u);
   EXPECT_EQ(derivable_levels(rbvh, rbvh.levels[1]).size(), 1u);
-  for (const auto& [wanted, dropped] : {std::pair<Names, Names>{{"Q0"}, {}},  // finer than what is there
-                                        {{"Q7"}, {}},
-                                        {{}, {"Q2"}},
-                                        {{}, {"Q1", "Q3"}}})
-    EXPECT_EQ(kind_of_error([&] { choose_levels_by_name(rbvh, wanted, dropped, "a"); }), ErrorKind::kUsage);
+  for (const auto& names : {std::pair<Names, Names>{{"Q0"}, {}},  // finer than what is there
+                            {{"Q7"}, {}},
+                            {{}, {"Q2"}},
+                            {{}, {"Q1", "Q3"}}})
+    EXPECT_EQ(kind_of_error([&] { choose_levels_by_name(rbvh, names.first, names.second, "a"); }),
+              ErrorKind::kUsage);
   keep_levels(rbvh, {"Q3"});
   EXPECT_EQ(level_names(rbvh), "Q3");
 }
