@@ -12,6 +12,7 @@
 #include "io/output_file.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/device/device.h"
+#include "rbvh/io.h"
 
 namespace rbvh {
 namespace {
@@ -61,8 +62,8 @@ constexpr int kMostThreads = 256;
 
 void begin_stage(Context& context) {
   context.stage_watch = context.phase_watch = {};
-  if (!context.log_path.empty()) open_log(context);
   if (!context.report_path.empty()) check_output(context.report_path, context.force);
+  if (!context.log_path.empty()) open_log(context);
   // More than the system can start would abort within PoCL.
   if (context.threads > 0)
     set_thread_count(std::min(context.threads, kMostThreads));  // PoCL's too: see list_devices()
@@ -71,6 +72,7 @@ void begin_stage(Context& context) {
   set_compile_notice([&context](std::string_view line) {
     note(context, "rbvh " + context.stage + ": " + std::string(line));
   });
+  set_output_warning([&context](std::string_view line) { warn(context, std::string(line)); });
   set_build_log_sink([&context](std::string_view file, std::string_view log) {
     detail(context, "rbvh " + context.stage + ": building " + std::string(file) + ": " + std::string(log));
   });
@@ -146,17 +148,20 @@ void print_data(std::string_view text) { std::fwrite(text.data(), 1, text.size()
 
 void print_json(const nlohmann::ordered_json& json) { print_data(json_text(json)); }
 
-void note(Context& context, const std::string& line) {
+void note(Context& context, const std::string& text) {
+  const std::string line = one_line(text);
   if (!context.quiet) context.progress.print_line(line);
   to_log(spdlog::level::info, line);
 }
 
-void detail(Context& context, const std::string& line) {
+void detail(Context& context, const std::string& text) {
+  const std::string line = one_line(text);
   if (context.verbose && !context.quiet) context.progress.print_line(line);
   to_log(spdlog::level::debug, line);
 }
 
-void warn(Context& context, const std::string& line) {
+void warn(Context& context, const std::string& text) {
+  const std::string line = one_line(text);
   if (!context.quiet) {
     const bool color = use_color(context);
     context.progress.print_line("rbvh " + context.stage + ": " +

@@ -97,11 +97,11 @@ void refuse_options(const std::vector<const CLI::Option*>& options, const std::s
 void print_data(std::string_view text);
 void print_json(const nlohmann::ordered_json& json);
 /// One line to stderr (and the log), unless --quiet.
-void note(Context& context, const std::string& line);
+void note(Context& context, const std::string& text);
 /// One line to stderr with --verbose; always to the log.
-void detail(Context& context, const std::string& line);
+void detail(Context& context, const std::string& text);
 /// One line "rbvh <stage>: warning: ..." to stderr, unless --quiet.
-void warn(Context& context, const std::string& line);
+void warn(Context& context, const std::string& text);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
 

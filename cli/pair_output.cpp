@@ -16,7 +16,6 @@ void check_pair_output(const Context& context) {
 void report_pair(Context& context, const std::string& output, const RbvhBytes& bytes,
                  const std::string& what) {
   context.report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};
-  if (!bytes.warning.empty()) warn(context, bytes.warning);
   note(context, "rbvh " + context.stage + ": wrote " + output + " (" + what + ", " +
                     format_bytes(bytes.hierarchy + bytes.atlas) + " with its atlas)");
 }

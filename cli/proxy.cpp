@@ -70,7 +70,7 @@ void run_bake(Context& context, const ProxyOptions& options) {
   BakeReport counts;
   const Proxy proxy = bake_proxy(input.scan, options.file, config, counts, context.progress.callback());
   time_phase(context, "bake");
-  const SavedProxy saved =
+  const ProxyHeader saved =
       save_proxy(context.output, proxy, {input.name, input.hash, input.scan.shift}, context.force);
   time_phase(context, "write");
   const nlohmann::ordered_json distance = proxy_measure_json(measure_proxy(proxy, input.scan));
@@ -80,11 +80,10 @@ void run_bake(Context& context, const ProxyOptions& options) {
   report["timings"].update(timings_json(counts));
   report.update(bake_json(counts));
   report["distance"] = distance;
-  report["bytes"] = proxy_bytes_json(saved.header);
-  if (!saved.warning.empty()) warn(context, saved.warning);
+  report["bytes"] = proxy_bytes_json(saved);
   for (const std::string& line : manifold_lines(counts.mesh)) note(context, line);
-  note(context, "rbvh proxy: wrote " + context.output + " (" +
-                    bake_text(counts, saved.header.bytes(), distance) + ")");
+  note(context,
+       "rbvh proxy: wrote " + context.output + " (" + bake_text(counts, saved.bytes(), distance) + ")");
 }
 
 void warn_of(Context& context, const std::string& file, const ImportReport& counts) {
@@ -116,16 +115,14 @@ void run_import(Context& context, const ProxyOptions& options) {
   ImportReport counts;
   const Proxy proxy = import_vdm(source.mesh, map, config, input_name(options.file), counts);
   time_phase(context, "import");
-  const SavedProxy saved =
+  const ProxyHeader saved =
       save_proxy(context.output, proxy, {source.name, source.hash, counts.shift}, context.force);
   auto& report = context.report;
   time_phase(context, "write");
   report.update(import_json(counts));
-  report["bytes"] = proxy_bytes_json(saved.header);
-  if (!saved.warning.empty()) warn(context, saved.warning);
+  report["bytes"] = proxy_bytes_json(saved);
   warn_of(context, options.file, counts);
-  note(context,
-       "rbvh proxy: wrote " + context.output + " (" + import_text(counts, saved.header.bytes()) + ")");
+  note(context, "rbvh proxy: wrote " + context.output + " (" + import_text(counts, saved.bytes()) + ")");
 }
 
 void run_proxy(Context& context, const ProxyOptions& options) {

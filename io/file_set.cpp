@@ -81,28 +81,17 @@ bool has_hash(const std::string& path, std::uint64_t hash) {
   }
 }
 
-// A writer that lives holds a lock on its files.
-void remove_if_abandoned(const std::string& path, std::optional<std::uint64_t> hash) {
-  const Descriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK)};
-  if (file.fd < 0 || flock(file.fd, LOCK_EX | LOCK_NB) != 0 || !is_same_file(file.fd, path)) return;
-  if (hash && !has_hash(path, *hash)) return;  // a user's own file
-  unlink(path.c_str());
-}
-
-// Of writers that were killed: temporary files, and parts that never came to their place.
+// Of writers that were killed: parts that never came to their place.
 void remove_leftovers(const OutputFile& head, std::span<const SetPart> parts) {
   std::error_code error;
   const fs::directory_iterator end;
   for (fs::directory_iterator entry(folder_of(head.path()), error); !error && entry != end;
        entry.increment(error)) {
-    const std::string path = entry->path().string(), name = entry->path().filename().string();
-    if (is_temporary_name(name, head.path())) remove_if_abandoned(path, {});
-    for (const SetPart& part : parts) {
-      if (is_temporary_name(name, part.file->path())) remove_if_abandoned(path, {});
-      const auto aside = parse_addressed(name);
+    const std::string path = entry->path().string();
+    const auto aside = parse_addressed(entry->path().filename().string());
+    for (const SetPart& part : parts)
       if (aside && aside->path == fs::path(part.file->path()).filename() && aside->hash != part.hash)
-        remove_if_abandoned(path, aside->hash);
-    }
+        remove_abandoned(path, [&] { return has_hash(path, aside->hash); });  // not a user's own file
   }
 }
 
@@ -129,7 +118,7 @@ void check_addressed_path(const std::string& path) {
     fail_output(path, "cannot be created", ENAMETOOLONG);
 }
 
-std::string commit_set(OutputFile& head, std::span<const SetPart> parts) {
+void commit_set(OutputFile& head, std::span<const SetPart> parts) {
   head.sync();
   for (const SetPart& part : parts) part.file->sync();
   const std::string folder = folder_of(head.path());
@@ -151,21 +140,20 @@ std::string commit_set(OutputFile& head, std::span<const SetPart> parts) {
     for (const SetPart& part : parts) part.file->keep();
     if (const int error = sync_path(folder)) {
       // The old head may be back after a crash, so its parts stay where they are.
-      warn(head.path() + " is replaced, but its folder cannot be synced to disk: " + std::strerror(error));
+      warn(unsynced_folder(head.path(), error));
       for (const SetPart& part : parts) warn(part.file->path() + " lies in " + part.file->temporary_path());
-      return warning;
+      return warn_of_output(warning);
     }
     // Where a writer without our lock has replaced the head, its parts stay, too.
-    if (!is_same_file(head.lock_, head.path())) return warning;
+    if (!is_same_file(head.lock_, head.path())) return;
     for (const SetPart& part : parts)
       if (const int error = part.file->rename_into_place())
         warn(part.file->path() + " cannot be replaced (" + std::strerror(error) + "); the new one is " +
              part.file->temporary_path() + " and is read instead");
-    if (const int error = sync_path(folder))
-      warn(head.path() + " is replaced, but its folder cannot be synced to disk: " + std::strerror(error));
+    if (const int error = sync_path(folder)) warn(unsynced_folder(head.path(), error));
   }
   remove_leftovers(head, parts);
-  return warning;
+  if (!warning.empty()) warn_of_output(warning);
 }
 
 std::optional<FoundPart> find_part(std::span<const std::string> paths, std::uint64_t bytes,

@@ -38,10 +38,10 @@ std::optional<Addressed> parse_addressed(const std::string& path);
 void check_addressed_path(const std::string& path);
 
 /// Commits a set to one folder, as above. Head and parts are OutputFiles kInSet. One writer at a time does
-/// this; others wait. Then what killed writers of the set left is removed. Returns a line on what went wrong
-/// after step 2, when the new set is there and whole, or nothing. Throws Error(kFailure) where the old set is
-/// left as it was.
-std::string commit_set(OutputFile& head, std::span<const SetPart> parts);
+/// this; others wait. Then parts that killed writers of the set left are removed. Warns
+/// (warn_of_output()) of what goes wrong after step 2, when the new set is there and whole. Throws
+/// Error(kFailure) where the old set is left as it was.
+void commit_set(OutputFile& head, std::span<const SetPart> parts);
 
 /// A part as it was found.
 struct FoundPart {

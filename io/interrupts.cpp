@@ -8,6 +8,7 @@
 
 #include <array>
 #include <atomic>
+#include <cstdlib>
 #include <mutex>
 
 #include "pipeline/base/error.h"
@@ -33,11 +34,15 @@ sigset_t interrupt_signals() {
   return set;
 }
 
-extern "C" void remove_unfinished_and_exit(int) {
+void remove_unfinished() {
   g_exiting = true;
   while (g_critical > 0) poll(nullptr, 0, 1);
   for (const Slot& slot : g_unfinished)
     if (slot.used) unlink(slot.path);
+}
+
+extern "C" void remove_unfinished_and_exit(int) {
+  remove_unfinished();
   _exit(128 + SIGINT);  // as shells have it
 }
 
@@ -98,6 +103,10 @@ void install_interrupt_cleanup() {
   ignore.sa_handler = SIG_IGN;
   sigaction(SIGPIPE, &ignore, nullptr);
   sigaction(SIGXFSZ, &ignore, nullptr);
+  // A library that calls exit(), as LLVM does where it cannot write.
+  std::atexit([] {
+    if (t_held == 0) remove_unfinished();
+  });
 }
 
 }  // namespace rbvh

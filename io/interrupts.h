@@ -7,8 +7,8 @@
 
 namespace rbvh {
 
-/// SIGINT, SIGTERM and SIGHUP remove every unfinished file and exit with 130. A broken pipe and a file size
-/// limit become write errors instead of signals. Called once by main.
+/// SIGINT, SIGTERM and SIGHUP remove every unfinished file and exit with 130; exit() removes them, too. A
+/// broken pipe and a file size limit become write errors instead of signals. Called once by main.
 void install_interrupt_cleanup();
 
 /// While one exists, the handler does not run on this thread and waits on the others.

@@ -9,8 +9,11 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <functional>
+#include <mutex>
 #include <set>
 #include <utility>
 #include <vector>
@@ -19,9 +22,15 @@
 #include "io/interrupts.h"
 #include "io/posix_file.h"
 #include "pipeline/base/error.h"
+#include "rbvh/io.h"
 
 namespace rbvh {
 namespace {
+
+std::mutex g_warning_mutex;
+std::function<void(std::string_view)> g_warning = [](std::string_view line) {
+  std::fprintf(stderr, "%.*s\n", static_cast<int>(line.size()), line.data());
+};
 
 std::string shown(const std::string& path) { return path == "-" ? "standard output" : path; }
 
@@ -48,10 +57,10 @@ bool names_descriptor(const std::string& path) {
          path.starts_with("/proc/");
 }
 
-// ".<stem>.tmp.<pid>[.<attempt>]<extension>" in `folder`, the stem cut so that the name stays legal.
+// ".<stem>.rbvh-tmp[.<attempt>]<extension>" in `folder`, the stem cut so that the name stays legal.
 std::string temporary_name(const std::string& folder, const std::string& path, int attempt) {
   const std::filesystem::path name = std::filesystem::path(path).filename();
-  std::string end = ".tmp." + std::to_string(getpid());
+  std::string end = ".rbvh-tmp";
   if (attempt > 0) end.append(".").append(std::to_string(attempt));
   end += name.extension().string();
   std::string full = ".";
@@ -61,27 +70,36 @@ std::string temporary_name(const std::string& folder, const std::string& path, i
   return (std::filesystem::path(folder) / (full + end)).string();
 }
 
-// A new file, never through an existing link, registered for removal and locked; `lock` is set. (Where the
-// file system knows no locks, files are never found to be abandoned.)
+constexpr int kMostWriters = 1000;  // at once, of one output
+constexpr int kTidied = 16;         // names that killed writers may have used
+
+// A new file, never through an existing link, registered for removal and locked; `lock` is set. Every writer
+// of an output tries the same names in turn, and removes what killed ones left there. (Where the file system
+// knows no locks, files are never found to be abandoned.)
 std::string create_temporary(const std::string& folder, const std::string& path, int& lock) {
-  for (int attempt = 0;; ++attempt) {
+  std::string own;
+  for (int attempt = 0; own.empty() || attempt < kTidied; ++attempt) {
     std::string name = temporary_name(folder, path, attempt);
     if (name.size() >= PATH_MAX) fail_output(path, "cannot be created", ENAMETOOLONG);
     const HoldInterrupts hold;
+    remove_abandoned(name);
+    if (!own.empty()) continue;
     Descriptor file{::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666)};
     if (file.fd >= 0) {
       static_cast<void>(flock(file.fd, LOCK_EX));
       if (!is_same_file(file.fd, name)) continue;  // taken for abandoned before it was locked
       add_unfinished(name);
       lock = std::exchange(file.fd, -1);
-      return name;
+      own = name;
+      continue;
     }
-    if (errno == EEXIST && attempt < 1000) continue;
+    if (errno == EEXIST && attempt < kMostWriters) continue;
     const int error = errno;
     if (error == ENOTDIR) fail_output(path, "cannot be created, as part of its path is no folder", error);
     if (error == ENOENT) check_folder(path, folder);
     fail_output(path, "cannot be created", error);
   }
+  return own;
 }
 
 void copy_to_special(const std::string& temporary, const std::string& path) {
@@ -123,6 +141,7 @@ OutputFile::OutputFile(const std::string& path, bool overwrite, Role role)
     std::error_code ignored;
     const std::filesystem::path folder = std::filesystem::temp_directory_path(ignored);
     temporary_ = create_temporary(ignored ? "/tmp" : folder.string(), path == "-" ? "stdout" : path, lock_);
+    lose_name();
     return;
   }
   if (exists && !overwrite) refuse_existing(path);
@@ -137,6 +156,14 @@ OutputFile::~OutputFile() {
   ::close(lock_);
 }
 
+void OutputFile::lose_name() {
+  const std::string by_number = "/proc/self/fd/" + std::to_string(lock_);
+  if (access(by_number.c_str(), F_OK) != 0) return;  // where there is no /proc
+  const HoldInterrupts hold;
+  discard();
+  temporary_ = by_number;
+}
+
 void OutputFile::write(std::span<const std::byte> bytes) {
   Descriptor file{::open(temporary_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC)};
   if (file.fd < 0) fail_output(path_, "cannot be written", errno);
@@ -148,12 +175,16 @@ void OutputFile::write(std::span<const std::byte> bytes) {
 void OutputFile::write(std::string_view text) { write(std::as_bytes(std::span(text))); }
 
 void OutputFile::commit() {
-  RBVH_CHECK(!is_kept_);
   if (is_special_) return copy_to_special(temporary_, path_);
+  RBVH_CHECK(!is_kept_);
   sync();
-  const HoldInterrupts hold;
-  move_into_place();
-  if (const int error = sync_path(folder_of(target_))) fail_output(path_, "cannot be synced to disk", error);
+  int error = 0;
+  {
+    const HoldInterrupts hold;
+    move_into_place();
+    error = sync_path(folder_of(target_));
+  }
+  if (error != 0) warn_of_output(unsynced_folder(path_, error));
 }
 
 void OutputFile::sync() const {
@@ -200,13 +231,18 @@ void fail_output(const std::string& path, const std::string& what, int error) {
   throw Error(ErrorKind::kFailure, shown(path), what + ": " + std::strerror(error));
 }
 
-bool is_temporary_name(const std::string& name, const std::string& target) {
-  const std::filesystem::path file = std::filesystem::path(target).filename();
-  const std::string begin = "." + file.stem().string() + ".tmp.", end = file.extension().string();
-  return name.size() > begin.size() + end.size() && name.starts_with(begin) && name.ends_with(end) &&
-         std::string_view(name)
-                 .substr(begin.size(), name.size() - begin.size() - end.size())
-                 .find_first_not_of("0123456789.") == std::string_view::npos;
+void set_output_warning(std::function<void(std::string_view)> sink) {
+  const std::lock_guard lock(g_warning_mutex);
+  g_warning = std::move(sink);
+}
+
+void warn_of_output(const std::string& line) {
+  const std::lock_guard lock(g_warning_mutex);
+  if (g_warning) g_warning(line);
+}
+
+std::string unsynced_folder(const std::string& path, int error) {
+  return path + " is written, but its folder cannot be synced to disk: " + std::strerror(error);
 }
 
 void check_folder(const std::string& path, const std::string& folder) {

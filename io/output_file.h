@@ -13,7 +13,7 @@ namespace rbvh {
 struct SetPart;
 
 /// One output on its way. Where `path` is no regular file (a device, a pipe), temporary_path() is still a
-/// regular file, and commit() copies its bytes there. "-" is standard output.
+/// regular file, which has no other name, and commit() copies its bytes there. "-" is standard output.
 class OutputFile {
  public:
   enum class Role {
@@ -34,12 +34,14 @@ class OutputFile {
   /// Appends to the temporary file. Throws Error(kFailure).
   void write(std::span<const std::byte> bytes);
   void write(std::string_view text);
-  /// fsync and rename. Throws Error(kFailure); the output is there if only its folder cannot be synced.
+  /// fsync and rename. Throws Error(kFailure); warns where the output is there and its folder cannot be
+  /// synced.
   void commit();
   bool is_special() const { return is_special_; }
 
  private:
-  friend std::string commit_set(OutputFile& head, std::span<const SetPart> parts);
+  friend void commit_set(OutputFile& head, std::span<const SetPart> parts);
+  void lose_name();   // the temporary file's
   void sync() const;  // the temporary file's bytes
   // The rest with interrupts held.
   void move_aside(const std::string& name);  // the temporary file, over what is there
@@ -53,8 +55,11 @@ class OutputFile {
   bool is_kept_ = false, overwrite_ = false, is_special_ = false;
 };
 
-/// Whether an OutputFile for `target` could have a temporary file of this name.
-bool is_temporary_name(const std::string& name, const std::string& target);
+/// What set_output_warning() of rbvh/io.h gets.
+void warn_of_output(const std::string& line);
+
+/// For an output that is there, and may be gone after a cut of the power.
+std::string unsynced_folder(const std::string& path, int error);
 
 /// Throws Error(kFailure): "path: what: errno's words".
 [[noreturn]] void fail_output(const std::string& path, const std::string& what, int error);

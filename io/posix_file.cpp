@@ -4,6 +4,7 @@
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -40,6 +41,12 @@ bool is_same_file(int fd, const std::string& path) {
   }, named{};
   return fstat(fd, &open) == 0 && lstat(path.c_str(), &named) == 0 && S_ISREG(named.st_mode) &&
          open.st_dev == named.st_dev && open.st_ino == named.st_ino;
+}
+
+void remove_abandoned(const std::string& path, const std::function<bool()>& is_ours) {
+  const Descriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK)};
+  if (file.fd < 0 || flock(file.fd, LOCK_EX | LOCK_NB) != 0 || !is_same_file(file.fd, path)) return;
+  if (!is_ours || is_ours()) unlink(path.c_str());
 }
 
 // EINVAL: a file system that cannot sync this kind of file, which is no reason to lose the output. EACCES: a

@@ -2,6 +2,7 @@
 // to say.
 #pragma once
 
+#include <functional>
 #include <string>
 
 namespace rbvh {
@@ -20,6 +21,10 @@ std::string follow_link(const std::string& path);
 
 /// Whether `path` still names the regular file that is open as `fd`.
 bool is_same_file(int fd, const std::string& path);
+
+/// Removes a regular file whose writer has died: a living one holds a lock on it (flock). `is_ours` is asked
+/// first.
+void remove_abandoned(const std::string& path, const std::function<bool()>& is_ours = {});
 
 /// fsync of a file or folder. One that cannot be synced by its nature is no error.
 int sync_path(const std::string& path);

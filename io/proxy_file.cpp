@@ -376,13 +376,12 @@ Proxy load_proxy(const std::string& path, ProxyHeader* header) {
   }
 }
 
-SavedProxy save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source,
-                      bool overwrite) {
+ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source,
+                       bool overwrite) {
   if (const auto fault = find_fault(proxy))
     throw Error(ErrorKind::kFailure, path, "would be malformed: " + *fault + "; please report this");
   ProxyOutputs out(path, overwrite);
-  SavedProxy saved;
-  ProxyHeader& header = saved.header;
+  ProxyHeader header;
   header.major = kProxyMajor;
   header.minor = kProxyMinor;
   header.source = source;
@@ -404,8 +403,8 @@ SavedProxy save_proxy(const std::string& path, const Proxy& proxy, const ProxySo
   out.sidecar.write(text);
   header.sidecar_bytes = text.size();
   const SetPart parts[] = {{&out.mesh, header.mesh_hash}, {&out.map, header.map_hash}};
-  saved.warning = commit_set(out.sidecar, parts);
-  return saved;
+  commit_set(out.sidecar, parts);
+  return header;
 }
 
 void check_proxy_output(const std::string& path, bool overwrite) {

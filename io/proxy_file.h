@@ -51,16 +51,11 @@ Proxy load_proxy(const std::string& path, ProxyHeader* header = nullptr);
 Proxy decode_proxy(std::string_view sidecar, std::string_view mesh, std::string_view map,
                    const std::string& path, ProxyHeader* header = nullptr);
 
-struct SavedProxy {
-  ProxyHeader header;
-  std::string warning;  ///< one line on what went wrong although the proxy is written and whole; or nothing
-};
-
 /// Writes all three; at every moment, a reader finds the old proxy or the new one, whole (io/file_set.h).
 /// Where `path` is a link, they go beside what it leads to. Identical proxies give identical bytes. The proxy
 /// must have no find_fault(). Throws Error(kFailure): the old proxy is as it was.
-SavedProxy save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source = {},
-                      bool overwrite = false);
+ProxyHeader save_proxy(const std::string& path, const Proxy& proxy, const ProxySource& source = {},
+                       bool overwrite = false);
 
 /// Throws the same Error as save_proxy() would for an output that cannot be, before any work is done.
 void check_proxy_output(const std::string& path, bool overwrite);

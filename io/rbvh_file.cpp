@@ -396,7 +396,7 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
   if (bytes.hierarchy + bytes.atlas > most_bytes) return bytes;
   out.hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
   const SetPart parts[] = {{&out.atlas, atlas_hash}};
-  bytes.warning = commit_set(out.hierarchy, parts);
+  commit_set(out.hierarchy, parts);
   return bytes;
 }
 

@@ -48,8 +48,7 @@ Rbvh decode_hierarchy(std::span<const std::byte> file, const std::string& path, 
 struct RbvhBytes {
   std::uint64_t hierarchy = 0, atlas = 0;
   std::vector<std::uint64_t>
-      levels;           ///< each level's nodes, leaves and layers; what is left are names and headers
-  std::string warning;  ///< one line on what went wrong although the pair is written and whole; or nothing
+      levels;  ///< each level's nodes, leaves and layers; what is left are names and headers
 };
 
 /// Writes both files; at every moment, a reader finds the old pair or the new one, whole (io/file_set.h).

@@ -2,7 +2,9 @@
 // then renamed.
 #pragma once
 
+#include <functional>
 #include <string>
+#include <string_view>
 
 #include "rbvh/asset.h"
 #include "rbvh/image.h"
@@ -33,6 +35,11 @@ void save_pair(const std::string& path, const Asset& pair, bool overwrite);
 /// output, EXR for data, else PNG. Throws Error(kFailure) where it cannot be written, Error(kUsage) for any
 /// other extension and for data (Image::Kind::kData) in a format of 8 bits.
 void write_image(const std::string& path, const Image& image, bool overwrite);
+
+/// Gets a line on what went wrong when an output was there already, whole: its folder could not be synced to
+/// disk, or the atlas of a pair lies beside its place. By default the line goes to stderr; an empty function
+/// silences it.
+void set_output_warning(std::function<void(std::string_view line)> sink);
 
 /// What a file holds, as `rbvh info --json` prints it. Throws as load_asset().
 std::string describe_json(const std::string& path, const LoadConfig& config = {});

@@ -14,8 +14,10 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <sstream>
 #include <thread>
+#include <vector>
 
 #include "io/interrupts.h"
 #include "pipeline/base/error.h"
@@ -76,8 +78,7 @@ class OutputFileTest : public testing::Test {
 TEST_F(OutputFileTest, AppearsOnlyWhenCommitted) {
   {
     OutputFile file(path("scan.atlas.tif"), false);
-    EXPECT_EQ(fs::path(file.temporary_path()).filename().string(),
-              ".scan.atlas.tmp." + std::to_string(getpid()) + ".tif");
+    EXPECT_EQ(fs::path(file.temporary_path()).filename().string(), ".scan.atlas.rbvh-tmp.tif");
     file.write("wh");
     file.write("ole");
     EXPECT_FALSE(fs::exists(path("scan.atlas.tif")));
@@ -227,6 +228,48 @@ TEST_F(OutputFileTest, InterruptRemovesWhatIsUnfinished) {
     EXPECT_EQ(WEXITSTATUS(status), 130) << signal;
     EXPECT_EQ(files(), 0u) << signal;
   }
+}
+
+TEST_F(OutputFileTest, ALibrarysExitRemovesWhatIsUnfinished) {
+  const int status = in_child([&] {
+    install_interrupt_cleanup();
+    OutputFile file(path("a"), true);
+    file.write("half");
+    exit(7);
+  });
+  EXPECT_EQ(WEXITSTATUS(status), 7);
+  EXPECT_EQ(files(), 0u);
+}
+
+// Each leaves one file, and not even that where it wrote to a device or a pipe.
+TEST_F(OutputFileTest, TheNextWriterRemovesWhatKilledOnesLeft) {
+  for (const std::string& name : {std::string("a.png"), std::string(NAME_MAX - 4, 'n') + ".png"}) {
+    for (std::size_t killed = 0; killed < 3; ++killed) {
+      const pid_t child = fork();
+      if (child == 0) {
+        std::vector<std::unique_ptr<OutputFile>> files;
+        for (std::size_t i = 0; i <= killed; ++i)
+          files.push_back(std::make_unique<OutputFile>(path(name), false));
+        for (const auto& file : files) file->write("half");
+        raise(SIGKILL);
+      }
+      waitpid(child, nullptr, 0);
+      EXPECT_EQ(files(), killed + 1);
+      const OutputFile alive(path(name), false);  // its file is not abandoned
+      write_all(path(name), "whole", false);
+      EXPECT_EQ(files(), 2u);
+      fs::remove(path(name));
+    }
+    EXPECT_EQ(files(), 0u);
+  }
+  setenv("TMPDIR", folder_.c_str(), 1);
+  EXPECT_EQ(in_child([&] {
+              const OutputFile file("/dev/null", false);
+              raise(SIGKILL);
+            }),
+            SIGKILL);
+  unsetenv("TMPDIR");
+  EXPECT_EQ(files(), 0u);
 }
 
 // Threads that write without pause are interrupted at arbitrary moments: never a temporary file, never half a
