@@ -16,6 +16,7 @@
 #include "pipeline/device/cl_error.h"
 #include "pipeline/device/find_devices.h"
 #include "pipeline/device/kernel_source.h"
+#include "pipeline/device/prepare_pocl.h"
 
 namespace rbvh {
 namespace device_detail {
@@ -107,7 +108,8 @@ class CompileNotice {
           if (condition_.wait_for(lock, stop, kPatience, [&] { return stop.stop_requested(); })) return;
           const std::lock_guard hook_lock(g_hook_mutex);
           if (std::exchange(g_compile_notice_given, true) || !g_compile_notice) return;
-          g_compile_notice("compiling kernels for " + name + " (once; they are kept in its cache)...");
+          g_compile_notice("compiling kernels for " + name + " (once; " +
+                           device_detail::pocl_cache_in_words() + ")...");
         }) {}
 
  private:
@@ -222,15 +224,19 @@ Device Device::open(const std::string& choice) {
   const FoundDevice* found = choose_device(devices, wanted);
   if (found == nullptr) {
     if (devices.empty()) {
-      throw Error(ErrorKind::kDevice, {},
-                  "no usable OpenCL device on this machine; install one, such as Debian's pocl-opencl-icd, "
-                  "and see that its cache (POCL_CACHE_DIR, else ~/.cache) can be written");
+      throw Error(
+          ErrorKind::kDevice, {},
+          "no usable OpenCL device on this machine; install one, such as Debian's pocl-opencl-icd, "
+          "and see that its cache (POCL_CACHE_DIR, else ~/.cache) or the temporary folder can be written");
     }
     std::string names;
     for (const FoundDevice& d : devices)
       names += (names.empty() ? "" : ", ") + std::to_string(d.info.index) + " " + d.info.name;
     throw Error(ErrorKind::kDevice, {}, "no usable OpenCL device fits '" + wanted + "'; there are: " + names);
   }
+  if (const std::string why = device_detail::pocl_obstacle();
+      !why.empty() && found->info.platform == "Portable Computing Language")
+    throw Error(ErrorKind::kDevice, {}, found->info.name + " is of no use here: " + why);
   Device device;
   device.state_ = std::make_shared<DeviceState>();
   DeviceState& state = *device.state_;

@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
-#include <cstdlib>
-#include <mutex>
 
-#include "pipeline/base/parallel_for.h"
+#include "pipeline/device/prepare_pocl.h"
 
 namespace rbvh {
 namespace device_detail {
@@ -44,17 +42,8 @@ std::string lower(std::string text) {
 
 }  // namespace
 
-void set_pocl_threads() {
-  static std::once_flag pocl_threads;
-  std::call_once(pocl_threads, [] {
-    const std::string threads = std::to_string(thread_count());
-    setenv("POCL_MAX_PTHREAD_COUNT", threads.c_str(), 0);  // up to PoCL 4
-    setenv("POCL_CPU_MAX_CU_COUNT", threads.c_str(), 0);
-  });
-}
-
 std::vector<FoundDevice> find_devices() {
-  set_pocl_threads();
+  prepare_pocl();
   std::vector<FoundDevice> found;
   std::vector<cl::Platform> platforms;
   try {
@@ -76,6 +65,7 @@ std::vector<FoundDevice> find_devices() {
       continue;  // a platform without devices
     }
   }
+  tidy_pocl_cache();
   return found;
 }
 

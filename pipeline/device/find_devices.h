@@ -14,10 +14,6 @@ struct FoundDevice {
   cl::Device device;
 };
 
-/// PoCL's threads are the host's (parallel_for.h), which it must be told by the environment before it is
-/// loaded.
-void set_pocl_threads();
-
 /// All of every platform that are available and have a compiler, in the loader's order.
 std::vector<FoundDevice> find_devices();
 
