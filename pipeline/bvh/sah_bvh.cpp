@@ -77,7 +77,8 @@ class Sweep {
     double* right_cost = &right_cost_[axis][range.begin];
     const std::size_t n = range.size();
     const auto tests = [&](std::size_t count) {
-      return static_cast<double>((count + config_.test_width - 1) / config_.test_width);
+      const std::size_t groups = (count + config_.test_width - 1) / config_.test_width;
+      return static_cast<double>(groups);
     };
     Box right;
     for (std::size_t i = n - 1; i > 0; --i) {
