@@ -10,7 +10,6 @@ namespace rbvh {
 #endif
 
 #define WIDE_NODE_WIDTH 16
-#define PRIMITIVE_BLOCK_WIDTH 8
 #define BVH_LEAF_BIT 0x80000000u  // a child with it is a leaf, without it a node
 
 // --- wide hierarchies: wide16, tiles, patches
@@ -22,14 +21,6 @@ typedef struct WideNode {
 } WideNode;
 RBVH_LAYOUT_SIZE(WideNode, 448);
 
-// Up to 8 triangles (vertices a, b, c: nine rows) or discs (centre, unit normal, radius: seven rows), and
-// their indices in the scan. Unused lanes are NaN.
-typedef struct PrimitiveBlock {
-  float rows[9][PRIMITIVE_BLOCK_WIDTH];
-  rbvh_u32 ids[PRIMITIVE_BLOCK_WIDTH];
-} PrimitiveBlock;
-RBVH_LAYOUT_SIZE(PrimitiveBlock, 320);
-
 // Where a level's lattice lies: points origin + k * step, k whole.
 typedef struct LatticePlace {
   float origin[3];
@@ -39,36 +30,47 @@ RBVH_LAYOUT_SIZE(LatticePlace, 16);
 
 #define LEAF_BLOCK_WIDTH 16
 
-// Up to 16 triangles over up to 16 vertices, whose positions are origin + (base + vertex) * step of the
-// level's lattice. Unused lanes repeat the last triangle.
-typedef struct LatticeCluster {
-  rbvh_u32 leaf;                     // that holds the triangles
-  rbvh_u32 count;                    // lanes in use
-  rbvh_u8 places[LEAF_BLOCK_WIDTH];  // which of the leaf's each lane is
-  rbvh_i32 base[3];
-  rbvh_u16 vertices[3][LEAF_BLOCK_WIDTH];
-  rbvh_u8 corners[3][LEAF_BLOCK_WIDTH];
-} LatticeCluster;
-RBVH_LAYOUT_SIZE(LatticeCluster, 180);
+// --- blocks: the primitives of a leaf of wide16's, or of a level
+// Two planes that a block's primitives lie between: points p with slab[0] <= normal . p / 128 <= slab[1].
+typedef struct BlockSlab {
+  float slab[2];
+  signed char normal[3];
+  rbvh_u8 count;  // of the primitives
+} BlockSlab;
+RBVH_LAYOUT_SIZE(BlockSlab, 12);
 
-// The same with any vertices.
+// Up to 16 triangles over up to 16 vertices. Unused lanes repeat the last triangle. Rays that pass by read
+// the first four cache lines.
 typedef struct FloatCluster {
-  rbvh_u32 leaf;
-  rbvh_u32 count;
-  rbvh_u8 places[LEAF_BLOCK_WIDTH];
   float vertices[3][LEAF_BLOCK_WIDTH];
   rbvh_u8 corners[3][LEAF_BLOCK_WIDTH];
+  BlockSlab between;
+  rbvh_u32 leaf;                      // of the level, that holds the triangles
+  rbvh_u32 places[LEAF_BLOCK_WIDTH];  // which of the leaf's each lane is, or of the scan's; ascending
 } FloatCluster;
-RBVH_LAYOUT_SIZE(FloatCluster, 264);
+RBVH_LAYOUT_SIZE(FloatCluster, 320);
+
+// The same of vertices at origin + (base + vertex) * step of the level's lattice.
+typedef struct LatticeCluster {
+  rbvh_u16 vertices[3][LEAF_BLOCK_WIDTH];
+  rbvh_u8 corners[3][LEAF_BLOCK_WIDTH];
+  rbvh_i32 base[3];
+  BlockSlab between;
+  rbvh_u32 leaf;
+  rbvh_u8 places[LEAF_BLOCK_WIDTH];
+  rbvh_u32 unused;
+} LatticeCluster;
+RBVH_LAYOUT_SIZE(LatticeCluster, 192);
 
 // Up to 16 discs: centre, unit normal, radius. Unused lanes are NaN.
 typedef struct DiscBlock {
-  rbvh_u32 leaf;
-  rbvh_u32 count;
-  rbvh_u8 places[LEAF_BLOCK_WIDTH];
   float rows[7][LEAF_BLOCK_WIDTH];
+  rbvh_u32 places[LEAF_BLOCK_WIDTH];
+  BlockSlab between;
+  rbvh_u32 leaf;
+  rbvh_u32 unused[12];
 } DiscBlock;
-RBVH_LAYOUT_SIZE(DiscBlock, 472);
+RBVH_LAYOUT_SIZE(DiscBlock, 576);
 
 // --- bvh-stack, bvh-trail, bvh-parent
 // A triangle that is tested alone. In a BVH a leaf's triangles lie one behind the other, the last one marked.

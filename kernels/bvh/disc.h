@@ -16,7 +16,6 @@
     return (slope != 0.0f) & (x * x + y * y + z * z <= radius * radius);            \
   }
 
-DEFINE_INTERSECT_DISC(intersect_discs8, float8, float, float8, int8)          // 1 ray, 8 discs
 DEFINE_INTERSECT_DISC(intersect_discs16, float16, float, float16, int16)      // 1 ray, 16 discs
 DEFINE_INTERSECT_DISC(intersect_disc_packet, float, float16, float16, int16)  // 16 rays, 1 disc
 

@@ -27,7 +27,8 @@ typedef struct Found {
 
 static inline float limit_of(const Found* found) { return found->t; }
 
-// A ray, with what the tests of boxes and triangles need of it.
+// A ray, with what the tests of boxes and triangles need of it; 32 words, which prepared_rays_of() writes by
+// fours.
 typedef struct PreparedRay {
   float origin[3], direction[3];
   float tmin;
@@ -38,6 +39,7 @@ typedef struct PreparedRay {
   // t of a plane along an axis = plane * inverse + offset, moved before or behind it by the error bound.
   float near_offset[3], far_offset[3];
   uint near_row[3], far_row[3];  // of planes in the order lo x y z, hi x y z
+  uint unused;
 } PreparedRay;
 
 // By how much boxes are widened for rays from `origin`. Rounding in the triangle test moves vertices by at

@@ -46,7 +46,6 @@
   }
 
 DEFINE_TRIANGLE_AREAS(Areas1, float, int, , 1)
-DEFINE_TRIANGLE_AREAS(Areas8, float8, int8, 8, 8)
 DEFINE_TRIANGLE_AREAS(Areas16, float16, int16, 16, 16)
 
 // Defines  uint NAME(a, b, c, sx, sy, sz, t, v, w, area): the lanes in which the line hits the triangle, as
@@ -67,7 +66,6 @@ DEFINE_TRIANGLE_AREAS(Areas16, float16, int16, 16, 16)
   }
 
 DEFINE_INTERSECT_TRIANGLE(intersect_corners, float, float, float, 1)              // 1 ray, 1 triangle
-DEFINE_INTERSECT_TRIANGLE(intersect_corners8, float8, float, float8, 8)           // 1 ray, 8 triangles
 DEFINE_INTERSECT_TRIANGLE(intersect_corners_packet, float, float16, float16, 16)  // 16 rays, 1 triangle
 
 // normalize() of 16 vectors. Scaled first, as it does: the squares of a sliver's normal would vanish.

@@ -1,6 +1,6 @@
 // The kernel that casts a camera's rays, a square of 8 x 8 pixels a work-item. Beside what ray_kernels.h and
 // group_kernels.h ask for, the file that includes this has defined
-//   uint2 traverse_beam(tree, beam, any, found),
+//   uint2 traverse_beam(tree, from, beam, any, found),
 //   bool takes_beam(beam)                       false where its rays are to be cast one by one.
 #include "kernels/bvh/beam.h"
 #include "kernels/common/no_hit.h"
@@ -39,7 +39,7 @@ __kernel void trace_camera_beams(TREE_ARGUMENTS, CameraRays camera, uint squares
   BeamFound found;
   if (can_hit && together) {
     find_nothing(&found);
-    visited = traverse_beam(&tree, &beam, 0, &found);
+    visited = traverse_beam(&tree, scene.root, &beam, 0, &found);
   }
   if (together)
     for (uint p = 0; p < BEAM_PACKETS; ++p)

@@ -3,7 +3,7 @@
 //   void make_hits16(tree, found, origin, direction, hits)   make_hit() for 16 rays.
 #include "kernels/common/no_hit.h"
 #include "kernels/trace/hit_lanes.h"
-#include "kernels/trace/ray_lanes.h"
+#include "kernels/bvh/ray_lanes.h"
 
 __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint count, uint any,
                                __global Hit* hits, __global uint* steps BOUNDS_ARGUMENT) {
@@ -17,28 +17,26 @@ __kernel void trace_ray_groups(TREE_ARGUMENTS, __global const Ray* rays, uint co
   load_lanes(own, used, &lanes_of_rays);
   PreparedLanes prepared;
   prepare_lanes(&lanes_of_rays, &scene, &prepared);
-  float t[PACKET], u[PACKET], v[PACKET];
-  uint id[PACKET], place[PACKET];
-  for (uint i = 0; i < PACKET; ++i) {
-    Found nearest = {0.0f, 0.0f, 0.0f, RBVH_NO_LEAF, 0u};
-    uint2 visited = (uint2)(0u);
-    if (prepared.valid >> i & 1) {
-      PreparedRay q;
-      prepared_ray_of(&prepared, i, &q);
-      nearest.t = min(own[i].tmax, FLT_MAX);
-      visited = any ? occluded(&tree, &q, &nearest) : traverse(&tree, &q, 0, &nearest);
-    }
-    t[i] = nearest.t;
-    u[i] = nearest.u;
-    v[i] = nearest.v;
-    id[i] = nearest.id;
-    place[i] = nearest.at;
-    if (steps && i < used) steps[first + i] = visited.x + visited.y;
+  PreparedRay each[PACKET];
+  Group group;
+  group.lanes = &prepared;
+  group.prepared = each;
+  prepared_rays_of(&prepared, each);
+  group.found =
+      (Found16){min(lanes_of_rays.tmax, (float16)(FLT_MAX)), 0.0f, 0.0f, (uint16)(RBVH_NO_LEAF), 0u};
+  group.nodes = group.leaves = 0;
+  if (prepared.valid) {
+    const uint one = lowest_bit(prepared.valid);
+    for (uint axis = 0; axis < 3; ++axis) group.center[axis] = prepared.origin[axis][one];
+    traverse_group(&tree, any, prepared.valid, &group);
   }
-  const Found16 found = {vload16(0, t), vload16(0, u), vload16(0, v), vload16(0, id), vload16(0, place)};
   HitLanes lanes;
-  make_hits16(&tree, &found, lanes_of_rays.origin, lanes_of_rays.direction, &lanes);
+  make_hits16(&tree, &group.found, lanes_of_rays.origin, lanes_of_rays.direction, &lanes);
   Hit made[PACKET];
   store_hits(&lanes, made);
-  for (uint i = 0; i < used; ++i) hits[first + i] = made[i];
+  const uint16 visited = group.nodes + group.leaves;
+  for (uint i = 0; i < used; ++i) {
+    hits[first + i] = made[i];
+    if (steps) steps[first + i] = OF_RAY(const uint, visited, i);
+  }
 }

@@ -35,4 +35,14 @@ typedef struct Tree {
 #define TILES 1u, sizeof(RbvhTile)
 #define HEIGHTS 2u, sizeof(ushort)
 #define BLOCKS 3u, sizeof(LeafBlock)
+
+static ALWAYS_INLINE uint primitive_id(const Tree* tree, uint block, uint lane) {
+  return tree->tile_count + block * LEAF_BLOCK_WIDTH + lane;
+}
+
+static ALWAYS_INLINE uint leaf_of(__global const LeafBlock* block, uint lane) { return block->leaf; }
+
+static ALWAYS_INLINE uint flags_of(__global const LeafBlock* block, uint lane) {
+  return RBVH_HIT_ON_PRIMITIVE | ((uint)block->places[lane] << RBVH_HIT_PRIMITIVE_SHIFT);
+}
 #endif

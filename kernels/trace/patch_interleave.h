@@ -4,7 +4,7 @@
 #ifndef RBVH_PATCH_INTERLEAVE_H
 #define RBVH_PATCH_INTERLEAVE_H
 #include "kernels/trace/patch_search.h"
-#include "kernels/trace/ray_lanes.h"
+#include "kernels/bvh/ray_lanes.h"
 
 // One of the rays.
 typedef struct Interleaved {

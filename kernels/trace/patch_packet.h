@@ -3,7 +3,7 @@
 // finds the hit it finds alone.
 #ifndef RBVH_PATCH_PACKET_H
 #define RBVH_PATCH_PACKET_H
-#include "kernels/trace/ray_lanes.h"
+#include "kernels/bvh/ray_lanes.h"
 #include "kernels/trace/traverse_patch.h"
 
 // Rays are coherent while their directions differ by at most this much of their length, and their origins by

@@ -2,8 +2,7 @@
 #ifndef RBVH_TILE_HIT_H
 #define RBVH_TILE_HIT_H
 #include "kernels/common/no_hit.h"
-#include "kernels/trace/hit_lanes.h"
-#include "kernels/trace/leaf_block.h"
+#include "kernels/trace/block_hit.h"
 
 #pragma OPENCL FP_CONTRACT ON
 
@@ -36,49 +35,28 @@
 DEFINE_HEIGHT_SLOPE(height_slope, float, int, (float), (int), READ_ONE, ONE_IN_BOUNDS)
 DEFINE_HEIGHT_SLOPE(height_slope16, float16, int16, convert_float16, convert_int16, gather16, ALL_IN_BOUNDS)
 
-// Which of its leaf's the primitive is, for a hit's flags.
-static inline uint primitive_flags(__global const LeafBlock* block, uint lane) {
-  return RBVH_HIT_ON_PRIMITIVE | ((uint)block->places[lane] << RBVH_HIT_PRIMITIVE_SHIFT);
-}
-
 static ALWAYS_INLINE Hit make_hit(const Tree* tree, const Found* found, const Ray* ray) {
+  if (found->id == RBVH_NO_LEAF) return no_hit();
+  if (found->id >= tree->tile_count) return make_block_hit(tree, found, ray);
   Hit h = no_hit();
-  if (found->id == RBVH_NO_LEAF) return h;
   const float3 d = vload3(0, ray->direction), origin = vload3(0, ray->origin);
-  float3 n;
-  if (found->id < tree->tile_count) {
-    __global const RbvhTile* tile = tree->tiles + found->id;
-    __global const float* m = tile->columns;
-    const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]),
-                 rw = (float3)(m[2], m[5], m[8]), p = origin + d * found->t;
-    const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
-    // Of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
-    float du, dv;
-    height_slope(tree, tile, u, v, &du, &dv);
-    n = normalize(rw - ru * du - rv * dv);
-    h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
-    h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
-    h.leaf = tile->leaf;
-  } else {
-    __global const LeafBlock* block = tree->blocks + found->at / LEAF_BLOCK_WIDTH;
-    const uint lane = found->at % LEAF_BLOCK_WIDTH;
-    n = unit_normal(tree, found->at);
-    h.u = found->u;
-    h.v = found->v;
-#ifdef DISCS
-    const float centre[3] = {block->rows[0][lane] - ray->origin[0], block->rows[1][lane] - ray->origin[1],
-                             block->rows[2][lane] - ray->origin[2]},
-                normal[3] = {n.x, n.y, n.z};
-    disc_place(centre, normal, block->rows[6][lane], ray->direction, found->t, &h.u, &h.v);
-#endif
-    h.leaf = block->leaf;
-    h.flags = primitive_flags(block, lane);
-  }
+  __global const RbvhTile* tile = tree->tiles + found->id;
+  __global const float* m = tile->columns;
+  const float3 ru = (float3)(m[0], m[3], m[6]), rv = (float3)(m[1], m[4], m[7]),
+               rw = (float3)(m[2], m[5], m[8]), p = origin + d * found->t;
+  const float u = dot(ru, p) + m[9], v = dot(rv, p) + m[10];
+  // Of w - h(u, v), with rows of world length 1 / texel and 1 / quantum.
+  float du, dv;
+  height_slope(tree, tile, u, v, &du, &dv);
+  const float3 n = normalize(rw - ru * du - rv * dv);
   h.t = found->t;
   h.normal[0] = n.x;
   h.normal[1] = n.y;
   h.normal[2] = n.z;
-  if (dot(n, d) > 0.0f) h.flags |= RBVH_HIT_BACK_FACE;
+  h.u = clamp(u / (float)(tile->width - 1), 0.0f, 1.0f);
+  h.v = clamp(v / (float)(tile->height - 1), 0.0f, 1.0f);
+  h.leaf = tile->leaf;
+  h.flags = dot(n, d) > 0.0f ? RBVH_HIT_BACK_FACE : 0u;
   return h;
 }
 
@@ -104,57 +82,13 @@ static ALWAYS_INLINE void put_tile_hits(const Tree* tree, uint id, const Found16
   h->leaf = select(h->leaf, (uint16)(tile->leaf), which);
 }
 
-#define OF_EACH(row) permute16(vload16(0, row), slot)
-
-// The same for those that hit primitives. What is read of these is read once for all rays that hit the same.
-static ALWAYS_INLINE void put_primitive_hits(const Tree* tree, const Found16* found, const float16* o,
-                                             const float16* d, int16 which, HitLanes* h) {
-  uint primitives[16];
-  int16 slot;
-  const uint count = list_different(found->at, lane_bits16(which), primitives, &slot);
-  float leaf[16], flags[16];  // bits
-  float rows[9][16];
-  for (uint i = 0; i < count; ++i) {
-    const uint lane = primitives[i] % LEAF_BLOCK_WIDTH;
-    __global const LeafBlock* b = tree->blocks + primitives[i] / LEAF_BLOCK_WIDTH;
-    leaf[i] = as_float(b->leaf);
-    flags[i] = as_float(primitive_flags(b, lane));
-#ifdef DISCS
-    for (uint row = 0; row < 7; ++row) rows[row][i] = b->rows[row][lane];
-#else
-    for (uint k = 0; k < 3; ++k) {
-      const float3 corner = block_vertex(tree, b, b->corners[k][lane]);
-      rows[3 * k][i] = corner.x;
-      rows[3 * k + 1][i] = corner.y;
-      rows[3 * k + 2][i] = corner.z;
-    }
-#endif
-  }
-  float16 n[3], u = found->u, v = found->v;
-#ifdef DISCS
-  const float16 centre[3] = {OF_EACH(rows[0]) - o[0], OF_EACH(rows[1]) - o[1], OF_EACH(rows[2]) - o[2]};
-  for (uint axis = 0; axis < 3; ++axis) n[axis] = OF_EACH(rows[3 + axis]);
-  disc_place16(centre, n, OF_EACH(rows[6]), d, found->t, &u, &v);
-#else
-  float16 corners[3][3];
-  for (uint k = 0; k < 3; ++k)
-    for (uint axis = 0; axis < 3; ++axis) corners[k][axis] = OF_EACH(rows[3 * k + axis]);
-  triangle_normals16(corners[0], corners[1], corners[2], n);
-#endif
-  for (uint axis = 0; axis < 3; ++axis) h->normal[axis] = select(h->normal[axis], n[axis], which);
-  h->u = select(h->u, u, which);
-  h->v = select(h->v, v, which);
-  h->leaf = select(h->leaf, as_uint16(OF_EACH(leaf)), which);
-  h->flags = select(h->flags, as_uint16(OF_EACH(flags)), which);
-}
-
 // What make_hit() computes, for 16 rays at once.
 static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, const float16* o,
                                       const float16* d, HitLanes* h) {
   no_hits(h);
   const int16 hit = found->id != RBVH_NO_LEAF, on_tile = found->id < tree->tile_count, other = hit & ~on_tile;
   h->t = select(h->t, found->t, hit);
-  if (lane_bits16(other) != 0) put_primitive_hits(tree, found, o, d, other, h);
+  if (lane_bits16(other) != 0) put_block_hits(tree, found, o, d, other, h);
   uint id[16];
   vstore16(found->id, 0, id);
   for (uint left = lane_bits16(on_tile); left != 0;) {
@@ -163,7 +97,6 @@ static ALWAYS_INLINE void make_hits16(const Tree* tree, const Found16* found, co
     left &= ~lane_bits16(alike);
     put_tile_hits(tree, tile, found, o, d, alike, h);
   }
-  const float16 along = h->normal[0] * d[0] + h->normal[1] * d[1] + h->normal[2] * d[2];
-  h->flags |= select((uint16)(0u), (uint16)(RBVH_HIT_BACK_FACE), along > 0.0f);
+  mark_back_faces(d, h);
 }
 #endif

@@ -45,7 +45,7 @@ struct ExactTraversalInfo {
 /// The first is the default.
 inline constexpr ExactTraversalInfo kExactTraversals[] = {
     {ExactTraversal::kWide16, "wide16", TreeKind::kBvh, "trace/trace_wide16", true,
-     "16 boxes, 8 triangles or discs at once, with a stack (default)"},
+     "16 boxes, 16 triangles or discs at once, with a stack (default)"},
     {ExactTraversal::kBvhStack, "bvh-stack", TreeKind::kBvh, "trace/trace_bvh_stack", false,
      "binary hierarchy, with a stack"},
     {ExactTraversal::kBvhTrail, "bvh-trail", TreeKind::kBvh, "trace/trace_bvh_trail", false,

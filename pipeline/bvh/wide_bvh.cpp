@@ -1,7 +1,6 @@
 #include "pipeline/bvh/wide_bvh.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "pipeline/base/error.h"
@@ -24,35 +23,6 @@ void put_boxes(const Bvh& bvh, const WideChildren& cut, WideNode& node) {
     for (int axis = 0; axis < 3; ++axis) {
       node.planes[axis][slot] = b.lo[axis];
       node.planes[axis + 3][slot] = b.hi[axis];
-    }
-  }
-}
-
-/// Without primitives; unused lanes are NaN.
-PrimitiveBlock empty_block() {
-  PrimitiveBlock block;
-  std::fill_n(&block.rows[0][0], 9 * PRIMITIVE_BLOCK_WIDTH, std::numeric_limits<float>::quiet_NaN());
-  std::fill_n(block.ids, PRIMITIVE_BLOCK_WIDTH, RBVH_NO_LEAF);
-  return block;
-}
-
-void put_vector(PrimitiveBlock& block, std::size_t row, std::size_t lane, const Vec3f& v) {
-  for (std::size_t axis = 0; axis < 3; ++axis) block.rows[row + axis][lane] = v[static_cast<int>(axis)];
-}
-
-void fill_block(const Bvh& bvh, const BvhNode& leaf, const Scan& scan, PrimitiveBlock& block) {
-  RBVH_CHECK(leaf.count <= PRIMITIVE_BLOCK_WIDTH);
-  for (std::uint32_t lane = 0; lane < leaf.count; ++lane) {
-    const std::uint32_t id = bvh.order[leaf.first + lane];
-    block.ids[lane] = id;
-    if (scan.is_cloud()) {
-      put_vector(block, 0, lane, scan.positions[id]);
-      put_vector(block, 3, lane, static_cast<Vec3f>(normalized(static_cast<Vec3d>(scan.normals[id]))));
-      block.rows[6][lane] = scan.radii[id];
-    } else {
-      for (std::size_t corner = 0; corner < 3; ++corner) {
-        put_vector(block, 3 * corner, lane, scan.positions[scan.triangles[id][corner]]);
-      }
     }
   }
 }
@@ -127,15 +97,6 @@ WideBvh widen_elements(const Bvh& bvh) {
 
 WideBvh build_wide_bvh(std::span<const Bounds3f> boxes) {
   return widen_elements(build_sah_binned_bvh(boxes, BvhConfig{}));
-}
-
-std::vector<PrimitiveBlock> make_blocks(const Bvh& bvh, std::span<const std::uint32_t> leaves,
-                                        const Scan& scan) {
-  std::vector<PrimitiveBlock> blocks(std::max<std::size_t>(1, leaves.size()), empty_block());
-  parallel_for(leaves.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) fill_block(bvh, bvh.nodes[leaves[i]], scan, blocks[i]);
-  });
-  return blocks;
 }
 
 }  // namespace rbvh

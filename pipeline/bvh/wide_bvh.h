@@ -7,7 +7,6 @@
 
 #include "kernels/bvh/bvh_layout.h"
 #include "pipeline/bvh/bvh.h"
-#include "rbvh/scan.h"
 
 namespace rbvh {
 
@@ -18,9 +17,6 @@ struct WideBvh {
   std::uint32_t stack = 1;      ///< entries that a traversal can need at most
 };
 
-/// Of trees whose leaves are blocks of LEAF_BLOCK_WIDTH primitives.
-inline constexpr BvhConfig kLeafBlockConfig{.leaf_size = LEAF_BLOCK_WIDTH, .test_width = LEAF_BLOCK_WIDTH};
-
 /// Widens by surface-area-optimal collapse (collapse.h). A leaf's number is its place in `leaves`, which gets
 /// the binary tree's leaves.
 WideBvh widen(const Bvh& bvh, std::vector<std::uint32_t>& leaves);
@@ -30,10 +26,5 @@ WideBvh widen_elements(const Bvh& bvh);
 
 /// A hierarchy over boxes: a leaf's number is the box's.
 WideBvh build_wide_bvh(std::span<const Bounds3f> boxes);
-
-/// What a wide hierarchy over a scan's triangles or, in a cloud, discs needs beside it: leaf i's primitives
-/// are block i. There is at least one block.
-std::vector<PrimitiveBlock> make_blocks(const Bvh& bvh, std::span<const std::uint32_t> leaves,
-                                        const Scan& scan);
 
 }  // namespace rbvh

@@ -66,11 +66,13 @@ void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) 
   }
 }
 
+constexpr std::size_t kDiscsTogether = 8;
+
 /// Orders discs so that consecutive ones are close together, by halving along the longest axis.
 void sort_into_blocks(std::span<std::uint32_t> primitives, const Scan& scan) {
   // By number first: their order depends on other levels' splits.
   std::sort(primitives.begin(), primitives.end());
-  if (primitives.size() <= PRIMITIVE_BLOCK_WIDTH) return;
+  if (primitives.size() <= kDiscsTogether) return;
   Bounds3f box;
   for (const std::uint32_t i : primitives) box.add(center(scan, i));
   const Vec3f e = box.extent();
@@ -78,8 +80,8 @@ void sort_into_blocks(std::span<std::uint32_t> primitives, const Scan& scan) {
   std::stable_sort(primitives.begin(), primitives.end(), [&](std::uint32_t a, std::uint32_t b) {
     return center(scan, a)[axis] < center(scan, b)[axis];
   });
-  const std::size_t blocks = (primitives.size() + PRIMITIVE_BLOCK_WIDTH - 1) / PRIMITIVE_BLOCK_WIDTH,
-                    middle = blocks / 2 * PRIMITIVE_BLOCK_WIDTH;
+  const std::size_t blocks = (primitives.size() + kDiscsTogether - 1) / kDiscsTogether,
+                    middle = blocks / 2 * kDiscsTogether;
   sort_into_blocks(primitives.first(middle), scan);
   sort_into_blocks(primitives.subspan(middle), scan);
 }

@@ -5,8 +5,8 @@
 #include <span>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/bvh/leaf_blocks.h"
 #include "pipeline/bvh/sah_binned_bvh.h"
-#include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 
 namespace rbvh {

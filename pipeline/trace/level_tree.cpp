@@ -9,6 +9,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/bvh/leaf_blocks.h"
 #include "pipeline/bvh/sah_binned_bvh.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/tile.h"
@@ -19,71 +20,22 @@ namespace {
 constexpr std::size_t kGrain = 64;                 // leaves of primitives
 constexpr std::uint32_t kFarthestVertex = 0xffff;  // from a cluster's base, in steps
 
-/// The vertices of some triangles, each once, in the order of first use.
-std::vector<std::uint32_t> vertices_of(const Scan& primitives, std::span<const std::uint32_t> triangles) {
-  std::vector<std::uint32_t> vertices;
-  for (const std::uint32_t i : triangles)
-    for (const std::uint32_t vertex : primitives.triangles[i])
-      if (std::find(vertices.begin(), vertices.end(), vertex) == vertices.end()) vertices.push_back(vertex);
-  return vertices;
-}
-
-/// The primitives of one leaf, as the tracer holds them: a tree over blocks.
-struct LeafTree {
-  std::vector<BvhNode> nodes;  ///< a leaf: primitives order[first] .. of one block
-  std::vector<std::uint32_t> order;
-};
-
-/// Halves leaves whose triangles have more vertices than a cluster.
-void split_clusters(const Scan& primitives, LeafTree& tree) {
-  for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
-    const BvhNode node = tree.nodes[n];
-    const std::span<const std::uint32_t> triangles(tree.order.data() + node.first, node.count);
-    if (node.count == 0 || vertices_of(primitives, triangles).size() <= LEAF_BLOCK_WIDTH) continue;
-    const std::uint32_t half = node.count / 2;
-    const auto left = static_cast<std::uint32_t>(tree.nodes.size());
-    for (const auto& [first, count] : {std::pair{node.first, half}, {node.first + half, node.count - half}}) {
-      BvhNode& child = tree.nodes.emplace_back(BvhNode{{}, first, count});
-      for (std::uint32_t i = 0; i < count; ++i)
-        child.bounds.add(primitive_bounds(primitives, tree.order[first + i]));
-    }
-    tree.nodes[n].first = left;
-    tree.nodes[n].count = 0;
-  }
-}
-
-LeafTree make_leaf_tree(const Scan& primitives, std::uint32_t first, std::uint32_t count) {
+/// A tree over the blocks of one leaf's primitives: of a leaf these are order[first] ..
+Bvh make_leaf_tree(const Scan& primitives, std::uint32_t first, std::uint32_t count) {
   std::vector<Bounds3f> boxes(count);
   for (std::uint32_t i = 0; i < count; ++i) boxes[i] = primitive_bounds(primitives, first + i);
   Bvh bvh = build_sah_binned_bvh(boxes, kLeafBlockConfig);
   for (std::uint32_t& i : bvh.order) i += first;
-  LeafTree tree{std::move(bvh.nodes), std::move(bvh.order)};
-  if (primitives.radii.empty()) split_clusters(primitives, tree);
-  return tree;
+  if (primitives.radii.empty()) split_for_clusters(primitives, bvh);
+  return bvh;
 }
 
 template <class Block>
 void put_places(const RbvhPrimitiveLeaf& leaf, std::span<const std::uint32_t> primitives, Block& block) {
   block.leaf = leaf.leaf;
-  block.count = static_cast<std::uint32_t>(primitives.size());
   for (std::size_t lane = 0; lane < LEAF_BLOCK_WIDTH; ++lane)
-    block.places[lane] =
-        static_cast<std::uint8_t>(primitives[std::min(lane, primitives.size() - 1)] - leaf.first);
-}
-
-/// The triangles' corners, and the vertices that they count.
-template <class Cluster>
-std::vector<std::uint32_t> put_corners(const Scan& scan, std::span<const std::uint32_t> triangles,
-                                       Cluster& cluster) {
-  std::vector<std::uint32_t> vertices = vertices_of(scan, triangles);
-  RBVH_CHECK(vertices.size() <= LEAF_BLOCK_WIDTH);
-  for (std::size_t lane = 0; lane < LEAF_BLOCK_WIDTH; ++lane) {
-    const Triangle& t = scan.triangles[triangles[std::min(lane, triangles.size() - 1)]];
-    for (std::size_t k = 0; k < 3; ++k)
-      cluster.corners[k][lane] =
-          static_cast<std::uint8_t>(std::find(vertices.begin(), vertices.end(), t[k]) - vertices.begin());
-  }
-  return vertices;
+    block.places[lane] = static_cast<std::remove_reference_t<decltype(block.places[0])>>(
+        primitives[std::min(lane, primitives.size() - 1)] - leaf.first);
 }
 
 /// False where the vertices are too far apart for a cluster, or none of the lattice's points.
@@ -91,12 +43,13 @@ bool fill_block(const Level& level, const RbvhPrimitiveLeaf& leaf, std::span<con
                 LatticeCluster& cluster) {
   const Scan& scan = level.primitives;
   put_places(leaf, triangles, cluster);
+  cluster.between = slab_of_triangles(scan, triangles);
   const std::vector<std::uint32_t> vertices = put_corners(scan, triangles, cluster);
   for (int axis = 0; axis < 3; ++axis) {
     const auto row = static_cast<std::size_t>(axis);
     std::int32_t places[LEAF_BLOCK_WIDTH];
     for (std::size_t i = 0; i < LEAF_BLOCK_WIDTH; ++i) {
-      const Vec3f& p = scan.positions[vertices[std::min(i, vertices.size() - 1)]];
+      const Vec3f& p = scan.positions[vertices[i]];
       places[i] = lattice_number(level.lattice, p, axis);
       if (lattice_place(level.lattice, places[i], axis) != p[axis]) return false;
     }
@@ -113,33 +66,21 @@ bool fill_block(const Level& level, const RbvhPrimitiveLeaf& leaf, std::span<con
 bool fill_block(const Level& level, const RbvhPrimitiveLeaf& leaf, std::span<const std::uint32_t> triangles,
                 FloatCluster& cluster) {
   put_places(leaf, triangles, cluster);
-  const std::vector<std::uint32_t> vertices = put_corners(level.primitives, triangles, cluster);
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    for (std::size_t i = 0; i < LEAF_BLOCK_WIDTH; ++i)
-      cluster.vertices[axis][i] =
-          level.primitives.positions[vertices[std::min(i, vertices.size() - 1)]][static_cast<int>(axis)];
+  fill_cluster(level.primitives, triangles, cluster);
   return true;
 }
 
 bool fill_block(const Level& level, const RbvhPrimitiveLeaf& leaf, std::span<const std::uint32_t> discs,
                 DiscBlock& block) {
-  const Scan& scan = level.primitives;
   put_places(leaf, discs, block);
-  std::fill_n(&block.rows[0][0], 7 * LEAF_BLOCK_WIDTH, std::numeric_limits<float>::quiet_NaN());
-  for (std::size_t lane = 0; lane < discs.size(); ++lane) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      block.rows[axis][lane] = scan.positions[discs[lane]][static_cast<int>(axis)];
-      block.rows[3 + axis][lane] = scan.normals[discs[lane]][static_cast<int>(axis)];
-    }
-    block.rows[6][lane] = scan.radii[discs[lane]];
-  }
+  fill_discs(level.primitives, discs, block);
   return true;
 }
 
 /// The blocks of all leaf trees, in the order of the leaves' nodes. False where one of the kind cannot hold
 /// what is in its place.
 template <class Block>
-bool fill_blocks(const Level& level, const std::vector<LeafTree>& trees, std::vector<std::byte>& bytes) {
+bool fill_blocks(const Level& level, const std::vector<Bvh>& trees, std::vector<std::byte>& bytes) {
   std::vector<std::size_t> first(trees.size() + 1);
   for (std::size_t i = 0; i < trees.size(); ++i)
     first[i + 1] = first[i] + static_cast<std::size_t>(
@@ -164,8 +105,7 @@ bool fill_blocks(const Level& level, const std::vector<LeafTree>& trees, std::ve
 }
 
 /// Says which kind they are.
-std::string fill_blocks(const Level& level, const std::vector<LeafTree>& trees,
-                        std::vector<std::byte>& bytes) {
+std::string fill_blocks(const Level& level, const std::vector<Bvh>& trees, std::vector<std::byte>& bytes) {
   if (holds_discs(level)) {
     fill_blocks<DiscBlock>(level, trees, bytes);
     return " -DDISCS";
@@ -204,7 +144,7 @@ void add_heights(const Level& level, const RbvhLeaf& leaf, RbvhTile& tile,
 }
 
 /// Puts a leaf's tree in the place of its node. Blocks are numbered from `block` on.
-void add_leaf_tree(const LeafTree& tree, std::uint32_t node, std::uint32_t& block, Bvh& to) {
+void add_leaf_tree(const Bvh& tree, std::uint32_t node, std::uint32_t& block, Bvh& to) {
   const auto moved = static_cast<std::uint32_t>(to.nodes.size()) - 1;
   for (std::size_t n = 0; n < tree.nodes.size(); ++n) {
     BvhNode here = tree.nodes[n];
@@ -226,7 +166,7 @@ void add_leaf_tree(const LeafTree& tree, std::uint32_t node, std::uint32_t& bloc
 LevelTree make_level_tree(const Level& level) {
   LevelTree result;
   result.tile_count = static_cast<std::uint32_t>(level.leaves.size() - level.primitive_leaves.size());
-  std::vector<LeafTree> trees(level.primitive_leaves.size());
+  std::vector<Bvh> trees(level.primitive_leaves.size());
   parallel_for(trees.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const RbvhPrimitiveLeaf& leaf = level.primitive_leaves[i];

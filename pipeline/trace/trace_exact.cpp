@@ -11,6 +11,7 @@
 #include "pipeline/bvh/flatten_bvh.h"
 #include "pipeline/bvh/flatten_kd.h"
 #include "pipeline/bvh/kd_tree.h"
+#include "pipeline/bvh/leaf_blocks.h"
 #include "pipeline/bvh/primitive_bounds.h"
 #include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/trace/surface.h"
@@ -54,21 +55,24 @@ void make_from_bvh(ExactTracer& tracer, const Scan& scan, const ExactConfig& con
   ExactTimings& times = timings != nullptr ? *timings : unasked;
   Stopwatch watch;
   const bool wide = config.traversal == ExactTraversal::kWide16;
-  const BvhConfig bvh_config{kLeafSize, wide ? std::uint32_t{PRIMITIVE_BLOCK_WIDTH} : 1u};
-  const Bvh bvh = build_bvh(tracer.device, config.builder, primitive_bounds(scan), bvh_config);
+  const BvhConfig bvh_config = wide ? kLeafBlockConfig : BvhConfig{.leaf_size = kLeafSize};
+  Bvh bvh = build_bvh(tracer.device, config.builder, primitive_bounds(scan), bvh_config);
   times.hierarchy = watch.lap();
   if (timings != nullptr) times.sah_cost = sah_cost(bvh, bvh_config);
   watch.lap();
   switch (config.traversal) {
     case ExactTraversal::kWide16: {
+      if (!scan.is_cloud()) split_for_clusters(scan, bvh);
       std::vector<std::uint32_t> leaves;
       const WideBvh layout = widen(bvh, leaves);
-      const std::vector<PrimitiveBlock> blocks = make_blocks(bvh, leaves, scan);
       tracer.options = stack_option(layout.stack, 128) + (scan.is_cloud() ? " -DDISCS" : "");
       // A GPU's work-items have no room for 16 rays.
-      if (!scan.is_cloud() && tracer.device.info().is_cpu)
-        tracer.beam_pixels = scan.triangles.size() / kBeamTriangles + 1;
-      return upload_layout(tracer, layout, blocks, watch, times);
+      if (tracer.device.info().is_cpu)
+        tracer.beam_pixels =
+            (scan.is_cloud() ? scan.positions.size() : scan.triangles.size()) / kBeamTriangles + 1;
+      return scan.is_cloud()
+                 ? upload_layout(tracer, layout, make_disc_blocks(bvh, leaves, scan), watch, times)
+                 : upload_layout(tracer, layout, make_clusters(bvh, leaves, scan), watch, times);
     }
     case ExactTraversal::kBvhStack:
     case ExactTraversal::kBvhTrail: {

@@ -1,19 +1,22 @@
-// Leaves of a level's wide hierarchy that are blocks of up to 16 triangles or, with -DDISCS, discs. One ray
-// is tested against all at once, a beam's packets against one after the other. Triangles of a block share
-// vertices, which lie on the level's lattice (-DLATTICE) or anywhere.
+// Leaves of a wide hierarchy that are blocks of up to 16 triangles or, with -DDISCS, discs. One ray is tested
+// against all at once, a beam's packets against one after the other. Triangles of a block share vertices,
+// which lie on a level's lattice (-DLATTICE) or anywhere.
+//
+// The file that includes this has defined Tree, whose `blocks` they are, of the type LeafBlock, and
+//   uint primitive_id(tree, block, lane)   as Found.id; it ascends with the lanes.
 #ifndef RBVH_LEAF_BLOCK_H
 #define RBVH_LEAF_BLOCK_H
 #include "kernels/bvh/disc.h"
 #include "kernels/bvh/beam.h"
 #include "kernels/bvh/triangle.h"
-#include "kernels/trace/level_tree.h"
+#include "kernels/bvh/ray_lanes.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
 // Takes the nearest of the lanes in `mask` over into `found` where it is nearer. u and v are to be divided by
 // `sum`.
 static ALWAYS_INLINE bool take_nearest(uint mask, float16 t16, float16 u16, float16 v16, float16 sum16,
-                                       uint id, uint at, Found* found) {
+                                       const Tree* tree, uint block, Found* found) {
   float t[16], u[16], v[16], sum[16];
   vstore16(t16, 0, t);
   vstore16(u16, 0, u);
@@ -24,8 +27,9 @@ static ALWAYS_INLINE bool take_nearest(uint mask, float16 t16, float16 u16, floa
     const uint lane = lowest_bit(mask);
     if (t[lane] < t[best]) best = lane;
   }
-  if (!is_nearer(t[best], id + best, found)) return false;
-  *found = (Found){t[best], u[best] / sum[best], v[best] / sum[best], id + best, at + best};
+  const uint id = primitive_id(tree, block, best);
+  if (!is_nearer(t[best], id, found)) return false;
+  *found = (Found){t[best], u[best] / sum[best], v[best] / sum[best], id, block * LEAF_BLOCK_WIDTH + best};
   return true;
 }
 
@@ -34,7 +38,25 @@ static ALWAYS_INLINE int16 load_bytes(__global const uchar* bytes) {
   return convert_int16(as_uchar16(vload4(0, (__global const uint*)bytes)));
 }
 
-static inline uint lanes_in_use(__global const LeafBlock* b) { return (1u << b->count) - 1; }
+static inline uint lanes_in_use(__global const LeafBlock* b) { return (1u << b->between.count) - 1; }
+
+// Rays that may cross the block between its two planes, of those that are in its box from `enter` to `leave`.
+// The margin is more than the triangle test and the arithmetic here round (see error_bound()).
+static ALWAYS_INLINE uint rays_between(__global const BlockSlab* b, const PreparedLanes* q, uint rays,
+                                       float16 enter, float16 leave) {
+  float16 height = 0.0f, slope = 0.0f;
+  float side = 0.0f;
+  for (uint axis = 0; axis < 3; ++axis) {
+    const float n = (float)b->normal[axis] * (1.0f / 128);
+    height += n * vload16(0, q->origin[axis]);
+    slope += n * vload16(0, q->direction[axis]);
+    side += fabs(n);
+  }
+  const float16 margin = 2.0f * side * vload16(0, q->margin), from = slope * max(enter, (float16)(-FLT_MAX)),
+                to = slope * leave;
+  return rays & lane_bits16((min(from, to) <= b->slab[1] - height + margin) &
+                            (max(from, to) >= b->slab[0] - height - margin));
+}
 
 #ifndef DISCS
 // The vertices' coordinates along an axis, from the origin of the rays. The same for a vertex in all blocks,
@@ -87,15 +109,15 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Pr
       (areas.u * permute16(depth, c0) + areas.v * permute16(depth, c1) + areas.w * permute16(depth, c2)) /
       areas.sum;
   const uint mask = crossed & lane_bits16((t >= q->tmin) & (t <= found->t));
-  const uint at = block * LEAF_BLOCK_WIDTH;
-  return mask != 0 && take_nearest(mask, t, areas.v, areas.w, areas.sum, tree->tile_count + at, at, found);
+  return mask != 0 && take_nearest(mask, t, areas.v, areas.w, areas.sum, tree, block, found);
 }
 
 // A block's triangles as a beam sees them: the vertices from its origin, along kx, ky, kz.
 typedef struct SeenBlock {
+  const Tree* tree;
+  uint number;
   __global const LeafBlock* block;
   float vertices[3][16];
-  uint first_id, first_at;
 } SeenBlock;
 
 static ALWAYS_INLINE uint intersect_seen_triangle(const SeenBlock* s, uint lane, const Beam* b,
@@ -111,8 +133,12 @@ static ALWAYS_INLINE uint intersect_seen_triangle(const SeenBlock* s, uint lane,
   return intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, t, v, w, area);
 }
 
-static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) { return s->first_id + lane; }
-static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) { return s->first_at + lane; }
+static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) {
+  return primitive_id(s->tree, s->number, lane);
+}
+static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) {
+  return s->number * LEAF_BLOCK_WIDTH + lane;
+}
 
 DEFINE_INTERSECT_SEEN(intersect_seen_triangles, SeenBlock, intersect_seen_triangle, seen_id, seen_at)
 
@@ -125,9 +151,9 @@ static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, con
                 y = vertex_row(tree, l, b->ky, b->origin[b->ky]),
                 z = vertex_row(tree, l, b->kz, b->origin[b->kz]);
   SeenBlock s;
+  s.tree = tree;
+  s.number = block;
   s.block = l;
-  s.first_at = block * LEAF_BLOCK_WIDTH;
-  s.first_id = tree->tile_count + s.first_at;
   vstore16(x, 0, s.vertices[0]);
   vstore16(y, 0, s.vertices[1]);
   vstore16(z, 0, s.vertices[2]);
@@ -158,13 +184,13 @@ static ALWAYS_INLINE bool intersect_block(const Tree* tree, uint block, const Pr
   float16 t;
   const int16 inside = intersect_discs16(centre, normal, vload16(0, b->rows[6]), q->direction, &t);
   const uint mask = lane_bits16(inside & (t >= q->tmin) & (t <= found->t));
-  const uint at = block * LEAF_BLOCK_WIDTH;
-  return mask != 0 && take_nearest(mask, t, t, t, (float16)(1.0f), tree->tile_count + at, at, found);
+  return mask != 0 && take_nearest(mask, t, t, t, (float16)(1.0f), tree, block, found);
 }
 
 typedef struct SeenBlock {
+  const Tree* tree;
+  uint number;
   __global const LeafBlock* block;
-  uint first_id, first_at;
 } SeenBlock;
 
 static ALWAYS_INLINE uint intersect_seen_disc(const SeenBlock* s, uint lane, const Beam* b, const Packet* p,
@@ -178,16 +204,19 @@ static ALWAYS_INLINE uint intersect_seen_disc(const SeenBlock* s, uint lane, con
   return lane_bits16(intersect_disc_packet(centre, normal, l->rows[6][lane], p->d, t));
 }
 
-static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) { return s->first_id + lane; }
-static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) { return s->first_at + lane; }
+static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) {
+  return primitive_id(s->tree, s->number, lane);
+}
+static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) {
+  return s->number * LEAF_BLOCK_WIDTH + lane;
+}
 
 DEFINE_INTERSECT_SEEN(intersect_seen_discs, SeenBlock, intersect_seen_disc, seen_id, seen_at)
 
 static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
                                                BeamFound* found) {
   __global const LeafBlock* l = tree->blocks + block;
-  const uint at = block * LEAF_BLOCK_WIDTH;
-  const SeenBlock s = {l, tree->tile_count + at, at};
+  const SeenBlock s = {tree, block, l};
   const float16 radius = vload16(0, l->rows[6]);
   const float16 x = vload16(0, l->rows[b->kx]) - b->origin[b->kx],
                 y = vload16(0, l->rows[b->ky]) - b->origin[b->ky],

@@ -67,6 +67,7 @@ static inline uint intersect_box_lanes(const RayLanes* rays, const BvhRoot* box,
 // Prepared rays side by side; `valid`: rays that can hit anything, as bits.
 typedef struct PreparedLanes {
   float origin[3][PACKET], direction[3][PACKET], tmin[PACKET];
+  float margin[PACKET];  // error_bound()
   float sx[PACKET], sy[PACKET], sz[PACKET];
   float inverse[3][PACKET], near_offset[3][PACKET], far_offset[3][PACKET];
   uint kz[PACKET];
@@ -95,7 +96,8 @@ static inline void prepare_lanes(const RayLanes* rays, const BvhRoot* scene, Pre
 #undef ALONG
   vstore16(1.0f / along, 0, q->sz);
   vstore16(rays->tmin, 0, q->tmin);
-  const float16 margin = 1.2e-6f * reach;  // error_bound()
+  const float16 margin = 1.2e-6f * reach;
+  vstore16(margin, 0, q->margin);
   for (uint axis = 0; axis < 3; ++axis) {
     const float16 inverse =
         select(copysign(1e18f / longest, d[axis]), 1.0f / d[axis], fabs(d[axis]) > 1e-18f * longest);
@@ -129,5 +131,39 @@ static inline void prepared_ray_of(const PreparedLanes* lanes, uint i, PreparedR
   q->sx = lanes->sx[i];
   q->sy = lanes->sy[i];
   q->sz = lanes->sz[i];
+}
+
+// All rays' prepared.
+static ALWAYS_INLINE void prepared_rays_of(const PreparedLanes* lanes, PreparedRay* prepared) {
+#define ROW(name) vload16(0, lanes->name)
+  const uint16 kz = ROW(kz), kx = select(kz + 1, (uint16)(0), kz == 2),
+               ky = select(kz - 1, (uint16)(2), kz == 0);
+#define ALONG(k) select(select(ROW(origin[0]), ROW(origin[1]), (k) == 1), ROW(origin[2]), (k) == 2)
+#define PLANE_ROW(axis, if_negative, else_) \
+  as_float16(select((uint16)(else_), (uint16)(if_negative), ROW(inverse[axis]) < 0.0f))
+  const float16 rows[8][4] = {
+      {ROW(origin[0]), ROW(origin[1]), ROW(origin[2]), ROW(direction[0])},
+      {ROW(direction[1]), ROW(direction[2]), ROW(tmin), as_float16(kx)},
+      {as_float16(ky), as_float16(kz), ALONG(kx), ALONG(ky)},
+      {ALONG(kz), ROW(sx), ROW(sy), ROW(sz)},
+      {ROW(inverse[0]), ROW(inverse[1]), ROW(inverse[2]), ROW(near_offset[0])},
+      {ROW(near_offset[1]), ROW(near_offset[2]), ROW(far_offset[0]), ROW(far_offset[1])},
+      {ROW(far_offset[2]), PLANE_ROW(0, 3, 0), PLANE_ROW(1, 4, 1), PLANE_ROW(2, 5, 2)},
+      {PLANE_ROW(0, 0, 3), PLANE_ROW(1, 1, 4), PLANE_ROW(2, 2, 5), 0.0f}};
+#undef PLANE_ROW
+#undef ALONG
+#undef ROW
+#pragma unroll
+  for (uint part = 0; part < 8; ++part) {
+    float16 quads[4];
+    transpose4(rows[part], quads);
+    float* to = (float*)prepared + 4 * part;
+    for (uint k = 0; k < 4; ++k) {
+      vstore4(quads[k].s0123, 8 * k, to);
+      vstore4(quads[k].s4567, 8 * (k + 4), to);
+      vstore4(quads[k].s89ab, 8 * (k + 8), to);
+      vstore4(quads[k].scdef, 8 * (k + 12), to);
+    }
+  }
 }
 #endif
