@@ -10,6 +10,7 @@
 #include "io/report_json.h"
 #include "io/report_text.h"
 #include "io/scan_io.h"
+#include "io/text_columns.h"
 #include "pipeline/base/units.h"
 
 namespace rbvh {
@@ -18,6 +19,7 @@ namespace {
 struct IngestOptions {
   std::vector<std::string> inputs;
   std::string units;  // empty: as the inputs state them
+  TextColumns columns;
   IngestConfig config;
   std::vector<const CLI::Option*> of_clouds;  // that meshes have no use for, beside what ingest() refuses
 };
@@ -29,6 +31,18 @@ Outliers parse_outliers(std::string_view text) {
                     .sigma = parse_number(words[1])};
   if (outliers.sigma <= 0) throw Error(ErrorKind::kUsage, "", "SIGMA must be above 0");
   return outliers;
+}
+
+TextColumns parse_columns(std::string_view text) {
+  TextColumns columns;
+  for (const std::string& word : parse_list(text)) {
+    const std::size_t equals = word.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw Error(ErrorKind::kUsage, "", "'" + word + "' is not NAME=NUMBER");
+    columns.emplace_back(word.substr(0, equals),
+                         static_cast<std::size_t>(parse_positive(word.substr(equals + 1))));
+  }
+  return columns;
 }
 
 double parse_fraction(std::string_view text) { return parse_between(text, 0, 1); }
@@ -59,13 +73,21 @@ void check_extension(const std::string& output) {
     if (extension == other) throw Error(ErrorKind::kUsage, output, "ingest writes PLY; name the output .ply");
 }
 
+RawScan read_inputs(Context& context, const IngestOptions& options) {
+  const auto on_note = [&](const std::string& path, const std::string& text) {
+    warn(context, path + ": " + text);
+  };
+  try {
+    return read_scans(options.inputs, context.memory, on_note, context.progress.callback(), options.columns);
+  } catch (const ColumnsUnknown& error) {
+    throw Error(error.kind(), "", std::string(error.what()) + " (--columns x=1,y=2,z=3)");
+  }
+}
+
 void run_ingest(Context& context, const IngestOptions& options) {
   check_extension(context.output);
   check_output(context.output, context.force);
-  RawScan all = read_scans(
-      options.inputs, context.memory,
-      [&](const std::string& path, const std::string& text) { warn(context, path + ": " + text); },
-      context.progress.callback());
+  RawScan all = read_inputs(context, options);
   if (!all.triangles.empty())
     refuse_options(options.of_clouds, options.inputs[0], "is for clouds, and this is a mesh");
   time_phase(context, "read");
@@ -89,7 +111,7 @@ void add_ingest(CLI::App& app, Context& context) {
   IngestConfig& config = options->config;
   CLI::App* stage =
       add_stage(app, context,
-                {"ingest", "Read, merge and clean scans (PLY OBJ STL OFF PCD XYZ) into one PLY",
+                {"ingest", "Read, merge and clean scans (PLY OBJ STL OFF PCD PTX XYZ) into one PLY",
                  "rbvh ingest scan1.pcd scan2.pcd -o scan.ply"},
                 kWithOutput | kWithReport, [&context, options] { run_ingest(context, *options); });
   stage->add_option("IN", options->inputs, "scans; each becomes an object id; '-' is standard input")
@@ -106,6 +128,9 @@ void add_ingest(CLI::App& app, Context& context) {
                  "neighbours from which a cloud's normals and radii are estimated (default: 16)"));
   add_parsed(*stage, "--viewpoint", config.viewpoint, parse_vec3, "X,Y,Z",
              "where the scanner stood, in the input's coordinates (default: the file's, else none)");
+  add_parsed(*stage, "--columns", options->columns, parse_columns, "x=1,y=2,z=3",
+             "which columns of a text cloud, from 1, are what: x, y, z, nx, ny, nz, red, green, blue, or a "
+             "property's name (default: as its header says, else the first three)");
   add_parsed(*stage, "--units", options->units, parse_units, "mm",
              "what the coordinates are in: mm, cm, m, km, in or ft; it is noted, nothing is converted");
   stage->add_flag("--recompute-normals", config.recompute_normals,

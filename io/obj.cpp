@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "io/colors.h"
 #include "io/obj_grammar.h"
+#include "pipeline/scan/cut_polygons.h"
 
 namespace rbvh {
 namespace {
@@ -27,8 +29,12 @@ class ObjReader {
     if (key == "v") {
       vertex();
     } else if (key == "vn") {
-      double n[3];
-      if (in_.all_numbers(n, 3) != 3) in_.fail("a normal needs three numbers");
+      double n[3] = {};
+      if (!in_.are_numbers(n, 3)) {
+        if (in_.is_cut()) in_.fail("the file is cut in its last normal");
+        ++bad_normals_;
+        n[0] = n[1] = n[2] = 0;
+      }
       file_normals_.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
     } else if (key == "f" || key == "fo") {
       face();
@@ -46,7 +52,7 @@ class ObjReader {
     }
   }
 
-  /// x y z [w] [r g b]
+  /// x y z [w] [r g b], or x y z r g b a
   void vertex() {
     double values[8];
     const int count = in_.all_numbers(values, 8);
@@ -54,8 +60,25 @@ class ObjReader {
     positions_.push_back({values[0], values[1], values[2]});
     if (count != 6 && count != 7) return;
     colors_.resize(positions_.size() - 1, Vec3f{1, 1, 1});
-    const double* rgb = values + count - 3;
-    colors_.push_back({static_cast<float>(rgb[0]), static_cast<float>(rgb[1]), static_cast<float>(rgb[2])});
+    const auto color = [&](int at) {
+      return Vec3f{static_cast<float>(values[at]), static_cast<float>(values[at + 1]),
+                   static_cast<float>(values[at + 2])};
+    };
+    colors_.push_back(color(3));
+    if (count == 6) return;
+    last_colors_.resize(positions_.size() - 1, Vec3f{1, 1, 1});
+    last_colors_.push_back(color(4));
+    all_weights_one_ &= values[3] == 1;
+    if (!first_last_) first_last_ = values[6];
+    same_last_ &= values[6] == *first_last_;
+  }
+
+  /// Of seven numbers the fourth is a weight where it is always 1, unless the last is always the same, too:
+  /// then that is an opaque alpha, which programs do write.
+  void choose_colors() {
+    if (last_colors_.empty() || !all_weights_one_ || same_last_) return;
+    last_colors_.resize(positions_.size(), Vec3f{1, 1, 1});
+    colors_ = std::move(last_colors_);
   }
 
   /// Indices are checked against the number of elements when all are known: the largest is kept, and its
@@ -79,7 +102,7 @@ class ObjReader {
       largest_normal_.add(corners_.back().normal, in_.place().at);
     }
     if (corners_.size() < 3) {
-      if (in_.at_end()) in_.fail("the file is cut in its last face");
+      if (in_.is_cut()) in_.fail("the file is cut in its last face");
       ++short_faces_;
       return;
     }
@@ -90,6 +113,7 @@ class ObjReader {
           {narrow(corners_[0].vertex), narrow(corners_[i - 1].vertex), narrow(corners_[i].vertex)});
       object_ids_.push_back(static_cast<std::int32_t>(current_id_));
     }
+    fans_.add(triangles_.size(), corners_.size() - 2);
     for (const Corner& corner : corners_)
       if (corner.normal != kNone) corner_normals_.push_back({narrow(corner.vertex), narrow(corner.normal)});
   }
@@ -141,7 +165,9 @@ class ObjReader {
     check_largest(largest_vertex_, positions_.size(), "vertices");
     check_largest(largest_normal_, file_normals_.size(), "normals");
     RawScan scan;
+    fans_.cut_again(positions_, triangles_, scan.notes);
     assign_normals(scan);
+    choose_colors();
     if (!colors_.empty()) {
       colors_.resize(positions_.size(), Vec3f{1, 1, 1});
       scan.colors = colors_from_floats(colors_);
@@ -149,6 +175,8 @@ class ObjReader {
     scan.positions = std::move(positions_);
     scan.triangles = std::move(triangles_);
     if (ids_.size() > 1) scan.object_ids = std::move(object_ids_);
+    if (bad_normals_ > 0)
+      scan.notes.push_back(std::to_string(bad_normals_) + " normals are no three numbers and were left out");
     if (short_faces_ > 0)
       scan.notes.push_back(std::to_string(short_faces_) +
                            " faces with fewer than three corners were left out");
@@ -164,8 +192,11 @@ class ObjReader {
 
   ObjGrammar in_;
   std::vector<Vec3d> positions_;
-  std::vector<Vec3f> colors_, file_normals_;
+  std::vector<Vec3f> colors_, last_colors_, file_normals_;
+  bool all_weights_one_ = true, same_last_ = true;
+  std::optional<double> first_last_;
   std::vector<Triangle> triangles_;
+  Fans fans_;
   std::vector<std::int32_t> object_ids_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> corner_normals_;  ///< vertex, normal
   std::vector<Corner> corners_;
@@ -173,7 +204,7 @@ class ObjReader {
   std::map<std::pair<std::string, std::string>, std::int32_t> ids_;
   std::int64_t current_id_ = kNone;
   Largest largest_vertex_, largest_normal_;
-  std::size_t short_faces_ = 0;
+  std::size_t short_faces_ = 0, bad_normals_ = 0;
   std::map<std::string, std::size_t> dropped_;
 };
 

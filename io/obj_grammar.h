@@ -24,16 +24,18 @@ class ObjGrammar {
   static constexpr std::int64_t kNone = -1;
 
   ObjGrammar(std::string_view bytes, const std::string& file)
-      : in_(bytes, file), line_(in_), words_({}, file) {}
+      : in_(without_end_mark(without_byte_order_mark(bytes, file)), file), line_(in_), words_({}, file) {}
 
   /// Goes to the next statement; false at the end of the file. A backslash at the end of a line continues the
-  /// statement on the next one.
+  /// statement on the next one, but neither a comment nor a name.
   bool next() {
     std::string_view text;
     line_.at = in_.at;
     if (!in_.next_line(text)) return false;
-    if (!text.empty() && text.back() == '\\') text = join(text);
     words_ = TextCursor(text, *in_.file);
+    key_ = words_.word();
+    if (!cut_continuation(text) || is_comment() || is_name()) return true;
+    words_ = TextCursor(join(text), *in_.file);
     key_ = words_.word();
     return true;
   }
@@ -63,6 +65,16 @@ class ObjGrammar {
     if (count == most)
       for (double extra; numbers(&extra, 1) == 1;) ++count;
     return count;
+  }
+
+  /// All of the statement is numbers: as many as wanted, and what follows is a comment.
+  bool are_numbers(double* out, int count) {
+    std::string_view word;
+    for (int i = 0; i < count; ++i)
+      if (!take_word(word) ||
+          read_number(word.data(), word.data() + word.size(), out[i]) != word.data() + word.size())
+        return false;
+    return !take_word(word);
   }
 
   /// Takes a corner: v, v/vt, v//vn or v/vt/vn, where vt and vn may be missing. False at the end of the face.
@@ -96,7 +108,8 @@ class ObjGrammar {
            ' ' + what + ")";
   }
 
-  bool at_end() const { return in_.at_end(); }
+  /// At the end of a file whose last line has no end: the statement may be cut.
+  bool is_cut() const { return in_.at_end() && in_.at > in_.begin && !is_line_end(in_.at[-1]); }
   const std::string& file() const { return *in_.file; }
 
   /// Where the statement begins.
@@ -121,13 +134,28 @@ class ObjGrammar {
     return error == std::errc() && value != ObjCorner::kMissing ? value : 0;
   }
 
+  /// Statements whose argument is a name or a path, which may end in a backslash.
+  bool is_name() const {
+    for (const char* name : {"o", "g", "usemtl", "mtllib", "usemap", "maplib", "call", "csh"})
+      if (key_ == name) return true;
+    return false;
+  }
+
+  /// Cuts the backslash off that ends a line, and blanks behind it; false where there is none.
+  static bool cut_continuation(std::string_view& text) {
+    std::size_t size = text.size();
+    while (size > 0 && is_blank(text[size - 1])) --size;
+    if (size == 0 || text[size - 1] != '\\') return false;
+    text = text.substr(0, size - 1);
+    return true;
+  }
+
   std::string_view join(std::string_view text) {
-    joined_.assign(text.substr(0, text.size() - 1));
-    while (in_.next_line(text)) {
-      const bool more = !text.empty() && text.back() == '\\';
+    joined_.assign(text);
+    for (bool more = true; more && in_.next_line(text);) {
+      more = cut_continuation(text);
       joined_ += ' ';
-      joined_.append(text.substr(0, text.size() - (more ? 1 : 0)));
-      if (!more) break;
+      joined_.append(text);
     }
     return joined_;
   }

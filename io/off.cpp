@@ -5,33 +5,63 @@
 #include <utility>
 
 #include "io/colors.h"
+#include "io/property_names.h"
 #include "io/text_cursor.h"
+#include "pipeline/scan/cut_polygons.h"
 
 namespace rbvh {
 namespace {
 
 struct Variant {
   bool texture = false, color = false, normal = false, homogeneous = false, n_dimensional = false;
+  bool normal_before_color = false;  ///< in the keyword: NCOFF, as MeshLab writes it
 };
 
-/// [ST][C][N][4][n]OFF
-bool parse_keyword(std::string_view word, Variant& variant) {
+/// Takes [ST][C][N][4][n]OFF off the start of `word`: in any case, the first two in any order. What is left
+/// may be the first count, glued to it.
+bool take_keyword(std::string_view& word, Variant& variant) {
+  std::string_view rest = word;
   const auto take = [&](std::string_view prefix) {
-    const bool has = word.substr(0, prefix.size()) == prefix;
-    if (has) word.remove_prefix(prefix.size());
+    const bool has = lower(rest.substr(0, prefix.size())) == prefix;
+    if (has) rest.remove_prefix(prefix.size());
     return has;
   };
-  variant.texture = take("ST");
-  variant.color = take("C");
-  variant.normal = take("N");
-  variant.homogeneous = take("4");
-  variant.n_dimensional = take("n");
-  return word == "OFF";
+  for (bool more = true; more;) {
+    // "nOFF" has n dimensions; where all is lower case, 'n' is for normals.
+    const bool dimensions = rest.starts_with("nOFF") || (rest.starts_with("n") && variant.homogeneous);
+    if (dimensions && take("n")) {
+      variant.n_dimensional = true;
+    } else if (take("st")) {
+      variant.texture = true;
+    } else if (take("c")) {
+      variant.color = true;
+    } else if (take("n")) {
+      variant.normal = true;
+      variant.normal_before_color = !variant.color;
+    } else if (take("4")) {
+      variant.homogeneous = true;
+    } else {
+      more = false;
+    }
+  }
+  if (!take("off")) return false;
+  if (!rest.empty() && rest.find_first_not_of("0123456789") != std::string_view::npos) return false;
+  word = rest;
+  return true;
+}
+
+/// All but one in a hundred, apart from zeros.
+bool are_unit(const std::vector<Vec3f>& vectors) {
+  std::size_t unit = 0, other = 0;
+  for (const Vec3f& v : vectors)
+    if (const float l = length(v); l != 0) ++(l > 0.98f && l < 1.02f ? unit : other);
+  return unit > 0 && other <= unit / 100;
 }
 
 class OffReader {
  public:
-  OffReader(std::string_view bytes, const std::string& file) : in_(bytes, file), line_start_(in_) {}
+  OffReader(std::string_view bytes, const std::string& file)
+      : in_(without_end_mark(bytes), file), line_start_(in_) {}
 
   RawScan read() {
     read_header();
@@ -64,18 +94,20 @@ class OffReader {
     if (!next()) in_.fail("is no OFF file: it has no line");
     TextCursor words(line_, *in_.file);
     const char* start = words.at;
-    Variant variant;
-    if (parse_keyword(words.word(), variant)) {
-      variant_ = variant;
-      if (words.word() == "BINARY")
+    std::string_view word = words.word();
+    if (take_keyword(word, variant_)) {
+      words.at = word.empty() ? words.at : word.data();
+      if (const TextCursor here = words; lower(words.word()) == "binary") {
         line_start_.fail("a binary OFF file, which is not supported; convert it to PLY");
-      words.at = start;
-      words.word();
+      } else {
+        words = here;
+      }
       if (TextCursor(words).word().empty()) {
         if (!next()) in_.fail("the file is cut before its line of counts");
         words = TextCursor(line_, *in_.file);
       }
     } else {
+      variant_ = {};
       words.at = start;
     }
     if (variant_.n_dimensional) line_start_.fail("an OFF file of n dimensions, which is not supported");
@@ -102,7 +134,7 @@ class OffReader {
     const int base = variant_.homogeneous ? 4 : 3;
     const int after_position = base + (variant_.normal ? 3 : 0);
     scan_.positions.reserve(vertex_count_);
-    std::vector<Vec3f> colors;
+    std::vector<Vec3f> colors, early_colors, late_normals;
     int columns = -1;
     bool has_color = variant_.color;
     for (std::uint64_t i = 0; i < vertex_count_; ++i) {
@@ -135,6 +167,15 @@ class OffReader {
       };
       if (variant_.normal) scan_.normals.push_back(vec3f(base));
       if (has_color) colors.push_back(vec3f(after_position));
+      if (!variant_.normal || !has_color) continue;
+      early_colors.push_back(vec3f(base));
+      late_normals.push_back(vec3f(columns - 3 - (variant_.texture ? 2 : 0)));
+    }
+    // The normal comes before the colour, but in MeshLab's NCOFF behind it.
+    const bool early = are_unit(scan_.normals), late = are_unit(late_normals);
+    if (late && (!early || variant_.normal_before_color)) {
+      colors = std::move(early_colors);
+      scan_.normals = std::move(late_normals);
     }
     if (has_color) scan_.colors = colors_from_floats(colors);
     if (variant_.texture) scan_.notes.push_back("the texture coordinates are not kept");
@@ -142,6 +183,7 @@ class OffReader {
 
   void read_faces() {
     std::uint64_t colored = 0, too_short = 0;
+    Fans fans;
     scan_.triangles.reserve(face_count_);
     for (std::uint64_t i = 0; i < face_count_; ++i) {
       next_or_fail("face", i, face_count_);
@@ -169,8 +211,10 @@ class OffReader {
         if (c >= 2) scan_.triangles.push_back({first, last, corner});
         last = corner;
       }
+      if (corners >= 3) fans.add(scan_.triangles.size(), static_cast<std::size_t>(corners) - 2);
       colored += !words.word().empty();
     }
+    fans.cut_again(scan_.positions, scan_.triangles, scan_.notes);
     if (colored > 0)
       scan_.notes.push_back("the colours of " + std::to_string(colored) + " faces are not kept");
     if (too_short > 0)
@@ -189,7 +233,8 @@ class OffReader {
 bool is_off(std::string_view bytes) {
   static const std::string kNoFile;
   Variant variant;
-  return parse_keyword(TextCursor(bytes.substr(0, 64), kNoFile).word(), variant);
+  std::string_view word = TextCursor(bytes.substr(0, 64), kNoFile).word();
+  return take_keyword(word, variant);
 }
 
 RawScan read_off(std::string_view bytes, const std::string& file) { return OffReader(bytes, file).read(); }

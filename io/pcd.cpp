@@ -4,9 +4,12 @@
 #include <bit>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <utility>
 
+#include "io/colors.h"
 #include "io/lzf.h"
+#include "io/property_names.h"
 #include "io/text_cursor.h"
 
 namespace rbvh {
@@ -30,6 +33,13 @@ struct Header {
   std::string data;
   std::vector<Viewpoint> viewpoints;
 };
+
+std::string upper(std::string_view text) {
+  std::string result(text);
+  for (char& c : result)
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  return result;
+}
 
 std::uint64_t parse_count(const TextCursor& at, std::string_view word) {
   std::uint64_t value = 0;
@@ -61,7 +71,7 @@ Header parse_header(TextCursor& in) {
     const TextCursor at = in;
     if (!in.next_line(line)) in.fail("the file is cut inside its header (no 'DATA' line)");
     TextCursor words(line, *in.file);
-    const std::string_view key = words.word();
+    const std::string key = upper(words.word());
     if (key.empty() || key[0] == '#' || key == "VERSION") continue;
     auto& fields = header.fields;
     const auto each_field = [&](auto&& set) {
@@ -78,7 +88,7 @@ Header parse_header(TextCursor& in) {
     } else if (key == "SIZE") {
       each_field([&](Field& field, std::string_view word) { field.size = parse_count(at, word); });
     } else if (key == "TYPE") {
-      each_field([&](Field& field, std::string_view word) { field.type = word[0]; });
+      each_field([&](Field& field, std::string_view word) { field.type = upper(word.substr(0, 1))[0]; });
     } else if (key == "COUNT") {
       each_field([&](Field& field, std::string_view word) { field.count = parse_count(at, word); });
     } else if (key == "WIDTH") {
@@ -92,7 +102,7 @@ Header parse_header(TextCursor& in) {
     } else if (key == "VIEWPOINT") {
       parse_viewpoint(words, header);
     } else if (key == "DATA") {
-      header.data = std::string(words.word());
+      header.data = lower(words.word());
       if (header.data != "ascii" && header.data != "binary" && header.data != "binary_compressed")
         at.fail("unknown DATA " + shown(header.data));
     } else {
@@ -172,6 +182,7 @@ class PcdReader {
     check_fits();
     aim();
     if (header_.data == "ascii") {
+      in_.end -= in_.remaining() - without_end_mark({in_.at, in_.remaining()}).size();
       read_ascii();
     } else if (header_.data == "binary") {
       const auto* at = reinterpret_cast<const unsigned char*>(in_.at);
@@ -208,8 +219,13 @@ class PcdReader {
 
   int find(std::string_view name) const {
     for (std::size_t i = 0; i < header_.fields.size(); ++i)
-      if (header_.fields[i].name == name && header_.fields[i].count == 1) return static_cast<int>(i);
+      if (lower(header_.fields[i].name) == name && header_.fields[i].count == 1) return static_cast<int>(i);
     return -1;
+  }
+  std::vector<std::string> single_names() const {
+    std::vector<std::string> names;
+    for (const Field& field : header_.fields) names.push_back(field.count == 1 ? field.name : "");
+    return names;
   }
 
   /// Decides where every field goes. Called once it is known that the points can be there.
@@ -220,20 +236,18 @@ class PcdReader {
     if (header_.data == "binary_compressed") unpack();
     const auto count = static_cast<std::size_t>(header_.points);
     targets_.resize(fields.size());
-    const auto aim_three = [&](const char* const(&names)[3], Target::Kind kind, auto& values,
+    const std::vector<std::string> names = single_names();
+    const auto aim_three = [&](const std::optional<NameTriple>& found, Target::Kind kind, auto& values,
                                std::size_t size) {
-      const int found[3] = {find(names[0]), find(names[1]), find(names[2])};
-      if (found[0] < 0 || found[1] < 0 || found[2] < 0) return false;
+      if (!found) return false;
       values.resize(count);
       for (std::size_t i = 0; i < 3; ++i)
-        targets_[static_cast<std::size_t>(found[i])] = {
-            kind, reinterpret_cast<char*>(values.data()) + i * (size / 3), size};
+        targets_[(*found)[i]] = {kind, reinterpret_cast<char*>(values.data()) + i * (size / 3), size};
       return true;
     };
-    if (!aim_three({"x", "y", "z"}, Target::kDouble, scan_.positions, sizeof(Vec3d)))
+    if (!aim_three(find_position(names), Target::kDouble, scan_.positions, sizeof(Vec3d)))
       in_.fail("the header has no fields x, y and z");
-    if (!aim_three({"normal_x", "normal_y", "normal_z"}, Target::kFloat, scan_.normals, sizeof(Vec3f)))
-      aim_three({"nx", "ny", "nz"}, Target::kFloat, scan_.normals, sizeof(Vec3f));
+    aim_three(find_normal(names), Target::kFloat, scan_.normals, sizeof(Vec3f));
     for (const char* name : {"rgb", "rgba"}) {
       const int field = find(name);
       if (field < 0 || fields[static_cast<std::size_t>(field)].size != 4) continue;
@@ -243,6 +257,10 @@ class PcdReader {
       keep_alpha_ = std::string_view(name) == "rgba";
       break;
     }
+    if (const auto rgb = find_color(names); rgb && packed_.empty()) {
+      aim_three(rgb, Target::kFloat, wide_colors_, sizeof(Vec3f));
+      for (const std::size_t channel : *rgb) byte_colors_ &= fields[channel].size == 1;
+    }
     scan_.properties.reserve(fields.size());
     for (std::size_t i = 0; i < fields.size(); ++i) {
       if (targets_[i].kind != Target::kSkip || fields[i].name == "_") continue;
@@ -251,7 +269,7 @@ class PcdReader {
                               " values a point is not kept");
         continue;
       }
-      if (fields[i].name == "radius") {
+      if (lower(fields[i].name) == "radius") {
         scan_.radii.resize(count);
         targets_[i] = {Target::kFloat, reinterpret_cast<char*>(scan_.radii.data()), sizeof(float)};
         continue;
@@ -357,6 +375,12 @@ class PcdReader {
   }
 
   void finish_colors() {
+    if (byte_colors_) {
+      for (const Vec3f& c : wide_colors_)
+        scan_.colors.push_back({to_color_byte(c.x), to_color_byte(c.y), to_color_byte(c.z)});
+    } else if (!wide_colors_.empty()) {
+      scan_.colors = colors_from_floats(wide_colors_);
+    }
     if (packed_.empty()) return;
     scan_.colors.reserve(packed_.size());
     for (const std::uint32_t c : packed_)
@@ -376,8 +400,9 @@ class PcdReader {
   RawScan scan_;
   std::vector<Target> targets_;
   std::vector<std::uint32_t> packed_;
+  std::vector<Vec3f> wide_colors_;
   std::unique_ptr<unsigned char[]> unpacked_;
-  bool keep_alpha_ = false;
+  bool keep_alpha_ = false, byte_colors_ = true;
 };
 
 }  // namespace
@@ -388,7 +413,7 @@ bool is_pcd(std::string_view bytes) {
   std::string_view line;
   while (in.next_line(line)) {
     TextCursor words(line, kNoFile);
-    const std::string_view key = words.word();
+    const std::string key = upper(words.word());
     if (key.empty()) continue;
     if (key[0] == '#') {
       if (line.find(".PCD v") != std::string_view::npos) return true;

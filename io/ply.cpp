@@ -6,7 +6,9 @@
 #include "io/colors.h"
 #include "io/ply_header.h"
 #include "io/ply_source.h"
+#include "io/property_names.h"
 #include "io/text_cursor.h"
+#include "pipeline/scan/cut_polygons.h"
 
 namespace rbvh {
 namespace {
@@ -57,8 +59,16 @@ struct Target {
 int find_scalar(const Element& element, std::initializer_list<std::string_view> names) {
   for (const std::string_view name : names)
     for (std::size_t i = 0; i < element.properties.size(); ++i)
-      if (!element.properties[i].is_list && element.properties[i].name == name) return static_cast<int>(i);
+      if (!element.properties[i].is_list && lower(element.properties[i].name) == name)
+        return static_cast<int>(i);
   return -1;
+}
+
+/// The names of scalar properties; empty ones for lists.
+std::vector<std::string> scalar_names(const Element& element) {
+  std::vector<std::string> names;
+  for (const Property& property : element.properties) names.push_back(property.is_list ? "" : property.name);
+  return names;
 }
 
 /// Makes room for element.count vertices, with x, y and z among their properties, and aims each property at
@@ -71,19 +81,15 @@ std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vec
     if (property >= 0) targets[static_cast<std::size_t>(property)] = {kind, static_cast<char*>(to), stride};
   };
 
-  scan.positions.resize(count);
-  aim(find_scalar(element, {"x"}), Target::kDouble, &scan.positions.data()->x, sizeof(Vec3d));
-  aim(find_scalar(element, {"y"}), Target::kDouble, &scan.positions.data()->y, sizeof(Vec3d));
-  aim(find_scalar(element, {"z"}), Target::kDouble, &scan.positions.data()->z, sizeof(Vec3d));
+  const std::vector<std::string> names = scalar_names(element);
+  const auto aim_three = [&](const NameTriple& three, Target::Kind kind, auto& values, std::size_t size) {
+    values.resize(count);
+    for (std::size_t c = 0; c < 3; ++c)
+      targets[three[c]] = {kind, reinterpret_cast<char*>(values.data()) + c * (size / 3), size};
+  };
 
-  const int nx = find_scalar(element, {"nx", "normal_x"}), ny = find_scalar(element, {"ny", "normal_y"}),
-            nz = find_scalar(element, {"nz", "normal_z"});
-  if (nx >= 0 && ny >= 0 && nz >= 0) {
-    scan.normals.resize(count);
-    aim(nx, Target::kFloat, &scan.normals.data()->x, sizeof(Vec3f));
-    aim(ny, Target::kFloat, &scan.normals.data()->y, sizeof(Vec3f));
-    aim(nz, Target::kFloat, &scan.normals.data()->z, sizeof(Vec3f));
-  }
+  aim_three(*find_position(names), Target::kDouble, scan.positions, sizeof(Vec3d));
+  if (const auto normal = find_normal(names)) aim_three(*normal, Target::kFloat, scan.normals, sizeof(Vec3f));
   if (const int radius = find_scalar(element, {"radius"}); radius >= 0) {
     scan.radii.resize(count);
     aim(radius, Target::kFloat, scan.radii.data(), sizeof(float));
@@ -92,22 +98,14 @@ std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vec
     scan.object_ids.resize(count);
     aim(id, Target::kInt, scan.object_ids.data(), sizeof(std::int32_t));
   }
-  const int rgb[3] = {find_scalar(element, {"red", "r", "diffuse_red"}),
-                      find_scalar(element, {"green", "g", "diffuse_green"}),
-                      find_scalar(element, {"blue", "b", "diffuse_blue"})};
-  if (rgb[0] >= 0 && rgb[1] >= 0 && rgb[2] >= 0) {
+  if (const auto rgb = find_color(names)) {
     bool bytes = true;
-    for (const int channel : rgb) bytes &= properties[static_cast<std::size_t>(channel)].type == Type::kUint8;
-    scan.colors.resize(bytes ? count : 0);
-    wide_colors.resize(bytes ? 0 : count);
-    for (std::size_t c = 0; c < 3; ++c)
-      if (bytes) {
-        aim(rgb[c], Target::kByte, scan.colors.empty() ? nullptr : scan.colors.data()->data() + c,
-            sizeof(Color8));
-      } else {
-        aim(rgb[c], Target::kFloat, wide_colors.data() + 0, sizeof(Vec3f));
-        targets[static_cast<std::size_t>(rgb[c])].to += c * sizeof(float);
-      }
+    for (const std::size_t channel : *rgb) bytes &= properties[channel].type == Type::kUint8;
+    if (bytes) {
+      aim_three(*rgb, Target::kByte, scan.colors, sizeof(Color8));
+    } else {
+      aim_three(*rgb, Target::kFloat, wide_colors, sizeof(Vec3f));
+    }
   }
   std::size_t scalars = 0;
   for (std::size_t i = 0; i < properties.size(); ++i)
@@ -127,8 +125,7 @@ std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vec
 
 template <class Source>
 void read_vertices(Source& in, const Element& element, RawScan& scan) {
-  for (const char* axis : {"x", "y", "z"})
-    if (find_scalar(element, {axis}) < 0) in.fail_here("the vertices have no x, y and z");
+  if (!find_position(scalar_names(element))) in.fail_here("the vertices have no x, y and z");
   check_fits(in, element);
   std::vector<Vec3f> wide_colors;
   std::vector<Target> targets = aim_vertices(element, scan, wide_colors);
@@ -163,7 +160,8 @@ int find_index_list(const Element& element) {
   for (std::size_t i = 0; i < element.properties.size(); ++i) {
     const Property& property = element.properties[i];
     if (!property.is_list || !is_integer(property.type)) continue;
-    if (property.name == "vertex_indices" || property.name == "vertex_index") return static_cast<int>(i);
+    if (lower(property.name) == "vertex_indices" || lower(property.name) == "vertex_index")
+      return static_cast<int>(i);
     if (found < 0) found = static_cast<int>(i);
   }
   return found;
@@ -176,9 +174,10 @@ void note_dropped(const Element& element, int kept, int also_kept, RawScan& scan
                            "' of element '" + element.name + "' is not kept");
 }
 
-/// Faces (fans) and, with `strips`, triangle strips separated by -1.
+/// Faces (as fans) and, with `strips`, triangle strips separated by -1.
 template <class Source>
-void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, bool strips, RawScan& scan) {
+void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, bool strips, RawScan& scan,
+                Fans& fans) {
   const int list = find_index_list(element);
   if (list < 0) {
     if (element.count > 0) in.fail_here("the faces have no list of vertex indices");
@@ -186,7 +185,7 @@ void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, 
   }
   int id_property = -1;
   for (std::size_t i = 0; i < element.properties.size(); ++i)
-    if (element.properties[i].name == "object_id" && !element.properties[i].is_list)
+    if (lower(element.properties[i].name) == "object_id" && !element.properties[i].is_list)
       id_property = static_cast<int>(i);
   check_fits(in, element);
   note_dropped(element, list, id_property, scan);
@@ -226,6 +225,7 @@ void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, 
       const Property& property = element.properties[static_cast<std::size_t>(i)];
       if (i == list) {
         read_list(property);
+        if (!strips) fans.add(scan.triangles.size(), scan.triangles.size() - before);
       } else if (i == id_property) {
         id = to_int32(in.number(property.type));
       } else {
@@ -281,7 +281,7 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
   std::uint64_t vertex_count = 0;
   bool has_vertices = false;
   for (const Element& element : header.elements) {
-    if (element.name != "vertex") continue;
+    if (lower(element.name) != "vertex") continue;
     if (has_vertices) throw Error(ErrorKind::kInput, file, "has two elements 'vertex'");
     has_vertices = true;
     vertex_count = element.count;
@@ -292,22 +292,25 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
                 "claims " + std::to_string(vertex_count) + " vertices; 4294967294 is the limit");
 
   std::vector<std::int32_t> vertex_ids;
+  Fans fans;
   for (const Element& element : header.elements) {
     in.place = {&element, 0};
-    if (element.name == "vertex") {
+    const std::string name = lower(element.name);
+    if (name == "vertex") {
       std::vector<std::int32_t> face_ids = std::move(scan.object_ids);
       scan.object_ids.clear();
       read_vertices(in, element, scan);
       vertex_ids = std::exchange(scan.object_ids, std::move(face_ids));
-    } else if (element.name == "face" || element.name == "tristrips") {
-      read_faces(in, element, vertex_count, element.name == "tristrips", scan);
-    } else if (element.name == "camera") {
+    } else if (name == "face" || name == "tristrips") {
+      read_faces(in, element, vertex_count, name == "tristrips", scan, fans);
+    } else if (name == "camera") {
       read_camera(in, element, scan);
     } else {
       skip_element(in, element, scan);
     }
   }
   in.check_end(header.elements, scan.notes);
+  fans.cut_again(scan.positions, scan.triangles, scan.notes);
 
   // Object ids and radii belong to the vertices of a cloud alone; on a mesh they are two properties among
   // others.
@@ -331,7 +334,7 @@ RawScan read_ply(std::string_view bytes, const std::string& file) {
   const Header header = ply::parse_header(bytes, file);
   switch (header.format) {
     case Format::kAscii:
-      return read_body(AsciiSource(bytes, header.size, file), header, file);
+      return read_body(AsciiSource(without_end_mark(bytes), header.size, file), header, file);
     case Format::kLittleEndian:
       return read_body(BinarySource<false>(bytes, header.size, file), header, file);
     case Format::kBigEndian:

@@ -31,7 +31,7 @@ class AsciiSource {
  public:
   Place place;
   AsciiSource(std::string_view bytes, std::size_t from, const std::string& file) : in_(bytes, file) {
-    in_.at += from;
+    in_.at += std::min(from, bytes.size());
   }
 
   /// A value takes a digit and a space at least; the last one may lack the space.

@@ -12,9 +12,9 @@
 #include "io/pcd.h"
 #include "io/ply.h"
 #include "io/proxy_file.h"
+#include "io/ptx.h"
 #include "io/stl.h"
 #include "io/text_cursor.h"
-#include "io/xyz.h"
 #include "pipeline/base/error.h"
 #include "pipeline/scan/ingest.h"
 
@@ -49,6 +49,7 @@ Reader reader_by_content(std::string_view bytes) {
   if (is_pcd(bytes)) return read_pcd;
   if (is_stl(bytes)) return read_stl;
   if (is_off(bytes)) return read_off;
+  if (is_ptx(bytes)) return read_ptx;
   return nullptr;
 }
 
@@ -61,6 +62,7 @@ Reader reader_by_extension(const std::string& path) {
   if (extension == ".stl") return read_stl;
   if (extension == ".off") return read_off;
   if (extension == ".pcd") return read_pcd;
+  if (extension == ".ptx") return read_ptx;
   for (const char* text : {".xyz", ".txt", ".csv", ".asc", ".pts", ".xyzn", ".xyzrgb", ".tsv", ".neu"})
     if (extension == text) return read_xyz;
   return nullptr;
@@ -105,27 +107,33 @@ void append_filled(std::vector<T>& all, std::size_t count, std::vector<T>&& more
 
 }  // namespace
 
-RawScan parse_scan(std::string_view bytes, const std::string& path) {
+RawScan parse_scan(std::string_view bytes, const std::string& path, const TextColumns& columns) {
   const std::string name = input_name(path);
   for (const Foreign& foreign : kForeign)
     if (bytes.size() >= foreign.at && bytes.substr(foreign.at).starts_with(foreign.magic))
       throw Error(ErrorKind::kInput, name, foreign.advice);
   Reader reader = reader_by_content(bytes);
+  if (!reader) {
+    bytes = without_byte_order_mark(bytes, name);
+    reader = reader_by_content(bytes);
+  }
   if (!reader) reader = reader_by_extension(path);
   if (!reader && is_obj(bytes)) reader = read_obj;
   if (!reader && is_xyz(bytes)) reader = read_xyz;
   if (!reader)
     throw Error(ErrorKind::kInput, name,
                 "is of no known format (neither its first bytes nor its extension say PLY, OBJ, STL, OFF, "
-                "PCD or XYZ)");
-  RawScan scan = reader(bytes, name);
+                "PCD, PTX or XYZ)");
+  if (!columns.empty() && reader != read_xyz)
+    throw Error(ErrorKind::kUsage, name, "is no text cloud; columns can be named of those only");
+  RawScan scan = reader == read_xyz ? read_xyz_columns(bytes, name, columns) : reader(bytes, name);
   if (scan.positions.empty()) throw Error(ErrorKind::kInput, name, "has no vertices");
   return scan;
 }
 
-RawScan read_scan(const std::string& path) {
+RawScan read_scan(const std::string& path, const TextColumns& columns) {
   const InputBytes bytes = read_input(path);
-  return parse_scan(bytes.view(), path);
+  return parse_scan(bytes.view(), path, columns);
 }
 
 void merge_scan(RawScan& all, RawScan&& scan) {
@@ -192,13 +200,13 @@ void merge_scan(RawScan& all, RawScan&& scan) {
 
 RawScan read_scans(const std::vector<std::string>& paths, const MemoryBudget& memory,
                    const std::function<void(const std::string& path, const std::string& note)>& on_note,
-                   const Progress& progress) {
+                   const Progress& progress, const TextColumns& columns) {
   RawScan all;
   for (std::size_t i = 0; i < paths.size(); ++i) {
     report(progress, "read", static_cast<double>(i) / static_cast<double>(paths.size()));
     check_read_budget(memory, paths[i], 1);
     refuse_proxy(paths[i]);
-    RawScan scan = read_scan(paths[i]);
+    RawScan scan = read_scan(paths[i], columns);
     if (on_note)
       for (const std::string& note : scan.notes) on_note(paths[i], note);
     try {

@@ -1,5 +1,5 @@
-// Reading and writing scans: one file pair per format (ply, obj, stl, off, pcd, xyz), chosen by content, then
-// by extension.
+// Reading and writing scans: one file pair per format (ply, obj, stl, off, pcd, ptx, xyz), chosen by content,
+// then by extension.
 #pragma once
 
 #include <functional>
@@ -7,20 +7,23 @@
 #include <string_view>
 #include <vector>
 
+#include "io/xyz.h"
 #include "pipeline/base/memory_budget.h"
 #include "rbvh/io.h"
 #include "rbvh/scan.h"
 
 namespace rbvh {
 
-/// Reads any ingest format ("-": standard input), dropping nothing: polygons become triangles by fans, edges
+/// Reads any ingest format ("-": standard input), dropping nothing: polygons become triangles, edges
 /// may be non-manifold, values may be NaN. Hostile input is expected. Throws Error(kInput) with the byte,
 /// line or element for a file that is missing, cut, malformed, has indices out of range, or has no vertex at
 /// all.
-RawScan read_scan(const std::string& path);
+///
+/// `columns` are those of text clouds; where they are given, Error(kUsage) for any other format.
+RawScan read_scan(const std::string& path, const TextColumns& columns = {});
 
 /// The same from bytes in memory; `path` gives the extension and the name in messages.
-RawScan parse_scan(std::string_view bytes, const std::string& path);
+RawScan parse_scan(std::string_view bytes, const std::string& path, const TextColumns& columns = {});
 
 /// Appends `scan` to `all`; the triangles (points of a cloud) get the object ids after those of `all`.
 /// Different shifts are made one; where only one of them has normals, colours or a property, the other gets
@@ -32,6 +35,6 @@ void merge_scan(RawScan& all, RawScan&& scan);
 /// has that a scan cannot hold. Throws as read_scan() and merge_scan(), Error(kBudget).
 RawScan read_scans(const std::vector<std::string>& paths, const MemoryBudget& memory,
                    const std::function<void(const std::string& path, const std::string& note)>& on_note = {},
-                   const Progress& progress = {});
+                   const Progress& progress = {}, const TextColumns& columns = {});
 
 }  // namespace rbvh

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <utility>
 
+#include "io/property_names.h"
 #include "io/text_cursor.h"
 #include "io/weld.h"
 
@@ -21,9 +22,9 @@ std::uint64_t binary_count(std::string_view bytes) {
 
 bool looks_ascii(std::string_view bytes) {
   static const std::string kNoFile;
-  const std::string_view start = bytes.substr(0, 4096);
+  const std::string_view start = without_end_mark(bytes).substr(0, 4096);
   TextCursor words(start, kNoFile);
-  if (words.word() != "solid") return false;
+  if (lower(words.word().substr(0, 6)) != "solid") return false;
   for (const char c : start)
     if (static_cast<unsigned char>(c) < 0x20 && !is_space(c)) return false;
   return true;
@@ -66,9 +67,16 @@ RawScan read_binary(std::string_view bytes, const std::string& file) {
   return scan;
 }
 
+/// The next keyword in lower case; "end loop" is "endloop".
+std::string keyword(TextCursor& in) {
+  std::string word = lower(in.word());
+  if (word == "end") word += lower(in.word());
+  return word;
+}
+
 /// solid NAME { facet normal X Y Z  outer loop  { vertex X Y Z } x 3  endloop  endfacet } endsolid NAME
 RawScan read_ascii(std::string_view bytes, const std::string& file) {
-  TextCursor in(bytes, file);
+  TextCursor in(without_end_mark(bytes), file);
   const auto number = [&] {
     in.skip_spaces();
     const TextCursor start = in;
@@ -86,7 +94,7 @@ RawScan read_ascii(std::string_view bytes, const std::string& file) {
   for (;;) {
     in.skip_spaces();
     const TextCursor start = in;
-    const std::string_view word = in.word();
+    const std::string word = keyword(in);
     if (word.empty()) {
       if (inside) in.fail("the file is cut: a solid has no 'endsolid'");
       break;
@@ -99,13 +107,13 @@ RawScan read_ascii(std::string_view bytes, const std::string& file) {
     } else if (word == "endsolid" && inside) {
       inside = false;
       in.next_line(name);
-    } else if ((word == "facet" || word == "FACET") && inside) {
+    } else if (word == "facet" && inside) {
       Triangle triangle{};
       std::size_t corners = 0;
       for (;;) {
         in.skip_spaces();
         const TextCursor at = in;
-        const std::string_view part = in.word();
+        const std::string part = keyword(in);
         if (part == "endfacet") break;
         if (part == "vertex") {
           const double x = number(), y = number(), z = number();

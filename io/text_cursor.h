@@ -36,6 +36,30 @@ inline const char* read_number(const char* first, const char* last, double& valu
   return end;
 }
 
+/// A text without the Ctrl-Z or zeros that old programs end it with.
+inline std::string_view without_end_mark(std::string_view text) {
+  std::size_t size = text.size(), end = size;
+  while (size > 0 && (is_space(text[size - 1]) || text[size - 1] == '\x1a' || text[size - 1] == '\0'))
+    if (--size; !is_space(text[size])) end = size;
+  return text.substr(0, end);
+}
+
+/// Each second byte of the first eight is zero, and no other.
+inline bool is_wide(std::string_view text, std::size_t zeros) {
+  if (text.size() < 8) return false;
+  for (std::size_t i = 0; i < 8; ++i)
+    if ((text[i] == '\0') != (i % 2 == zeros)) return false;
+  return true;
+}
+
+/// A text without a byte-order mark. Throws Error(kInput) for UTF-16.
+inline std::string_view without_byte_order_mark(std::string_view text, const std::string& file) {
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") || is_wide(text, 0) || is_wide(text, 1))
+    throw Error(ErrorKind::kInput, file, "is text in UTF-16; save it as UTF-8");
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  return text;
+}
+
 /// A place in a text. All functions stay inside [begin, end).
 struct TextCursor {
   const char* begin;

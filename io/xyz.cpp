@@ -1,19 +1,20 @@
 #include "io/xyz.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <optional>
 #include <utility>
 
 #include "io/colors.h"
+#include "io/text_columns.h"
 #include "io/text_cursor.h"
 
 namespace rbvh {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr int kMostHeaderLines = 2;
+constexpr int kMostHeaderLines = 32;
+constexpr int kMostUnnamedLines = 3;  ///< of a file that only its content can tell
 
 /// One column beside the position, and what is needed to tell its meaning.
 struct Column {
@@ -29,66 +30,30 @@ struct Column {
   }
 };
 
-std::string lower(std::string_view text) {
-  std::string result(text);
-  for (char& c : result)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return result;
-}
-
-/// Cuts a line into cells. With a comma or semicolon between them cells may be empty.
-class Cells {
- public:
-  explicit Cells(char separator) : separator_(separator) {}
-
-  const std::vector<std::string_view>& cut(std::string_view line) {
-    cells_.clear();
-    const char* at = line.data();
-    const char* end = at + line.size();
-    const auto blank = [&](char c) { return is_blank(c); };
-    for (;;) {
-      while (at < end && blank(*at)) ++at;
-      if (separator_ == ' ' && at == end) return cells_;
-      const char* first = at;
-      while (at < end && (separator_ == ' ' ? !blank(*at) : *at != separator_)) ++at;
-      const char* last = at;
-      while (last > first && blank(last[-1])) --last;
-      if (last - first >= 2 && *first == '"' && last[-1] == '"') ++first, --last;
-      const bool is_last = at == end;
-      // A separator at the end of a line is no further cell.
-      if (!(is_last && first == last)) cells_.push_back({first, static_cast<std::size_t>(last - first)});
-      if (is_last) return cells_;
-      ++at;
-    }
+/// How alike two columns are: the correlation of their values; 1 where both are constant.
+double correlation(const std::vector<float>& a, const std::vector<float>& b) {
+  const auto n = static_cast<double>(a.size());
+  double sum_a = 0, sum_b = 0, aa = 0, bb = 0, ab = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const double x = a[i], y = b[i];
+    sum_a += x;
+    sum_b += y;
+    aa += x * x;
+    bb += y * y;
+    ab += x * y;
   }
-
- private:
-  char separator_;
-  std::vector<std::string_view> cells_;
-};
-
-char separator_of(std::string_view line) {
-  if (line.find(';') != std::string_view::npos) return ';';
-  return line.find(',') != std::string_view::npos ? ',' : ' ';
-}
-
-/// The text of a comment, without what starts it; nothing for other lines.
-std::optional<std::string_view> comment(std::string_view line) {
-  const std::size_t start = line.find_first_not_of(" \t");
-  if (start == std::string_view::npos) return std::nullopt;
-  line.remove_prefix(start);
-  if (line[0] != '#' && line.substr(0, 2) != "//") return std::nullopt;
-  line.remove_prefix(std::min(line.find_first_not_of("#/ \t"), line.size()));
-  return line;
+  const double va = aa - sum_a * sum_a / n, vb = bb - sum_b * sum_b / n;
+  if (va <= 0 && vb <= 0) return 1;
+  return va <= 0 || vb <= 0 ? 0 : (ab - sum_a * sum_b / n) / std::sqrt(va * vb);
 }
 
 class XyzReader {
  public:
-  XyzReader(std::string_view bytes, const std::string& file)
-      : in_(bytes, file), line_start_(in_), is_pts_(lower(file).ends_with(".pts")) {
-    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-    if (bytes.substr(0, 3) == kByteOrderMark) in_.at += 3;
-  }
+  XyzReader(std::string_view bytes, const std::string& file, const TextColumns& given)
+      : in_(without_end_mark(bytes), file),
+        line_start_(in_),
+        given_(given),
+        is_pts_(lower(file).ends_with(".pts")) {}
 
   RawScan read() {
     std::string_view line;
@@ -97,22 +62,20 @@ class XyzReader {
       line_start_ = in_;
       if (!in_.next_line(line)) break;
       if (line.find_first_not_of(" \t") == std::string_view::npos) continue;
-      if (const auto text = comment(line)) {
-        if (scan_.positions.empty()) names_.push_back(*text);
+      if (comment_text(line)) {
+        if (scan_.positions.empty()) header_.push_back(line);
         continue;
       }
       if (!scan_.positions.empty()) {
-        point(line);
+        if (!next_scan(line)) point(line);
       } else if (!first_point(line)) {
         if (read_count(line)) continue;
         if (++header_lines > kMostHeaderLines) line_start_.fail(shown(line) + " has no three numbers");
-        names_.push_back(line);
+        header_.push_back(line);
       }
     }
     if (scan_.positions.empty()) throw Error(ErrorKind::kInput, *in_.file, "has no line with three numbers");
-    if (promised_ && *promised_ != scan_.positions.size())
-      in_.fail("the first line promises " + std::to_string(*promised_) + " points, but there are " +
-               std::to_string(scan_.positions.size()) + ": the file is cut or its count is wrong");
+    check_count();
     give_meaning();
     return std::move(scan_);
   }
@@ -130,79 +93,90 @@ class XyzReader {
     return true;
   }
 
+  void check_count() const {
+    const std::size_t count = scan_.positions.size() - scan_begin_;
+    if (promised_ && *promised_ != count)
+      in_.fail("the first line promises " + std::to_string(*promised_) + " points, but there are " +
+               std::to_string(count) + ": the file is cut or its count is wrong");
+  }
+
+  /// Where all of a scan's points are there, a lone count begins another scan.
+  bool next_scan(std::string_view line) {
+    const std::size_t count = scan_.positions.size();
+    if (!promised_ || *promised_ != count - scan_begin_) return false;
+    const auto finished = std::exchange(promised_, std::nullopt);
+    if (!read_count(line)) {
+      promised_ = finished;
+      return false;
+    }
+    scan_.object_ids.resize(count, scan_number_++);
+    scan_begin_ = count;
+    return true;
+  }
+
   /// The first line with three numbers settles the separator, the columns and their names.
   bool first_point(std::string_view line) {
-    cells_ = Cells(separator_of(line));
-    decimal_comma_ = separator_of(line) == ';';
-    const auto& cells = cells_.cut(line);
-    const std::size_t columns = cells.size();
-    if (columns < 3) return false;
-    find_names(columns);
-    cells_.cut(line);
+    const auto& cells = cells_.emplace(separator_of(line)).cut(line);
+    cell_count_ = cells.size();
+    if (cell_count_ < 3) return false;
     double value = 0;
+    std::size_t numbers = 0;
+    for (const std::string_view cell : cells) numbers += read_cell(cell, cells_->separator(), value);
+    if (numbers < 3) return false;
+    if (!given_.empty()) {
+      take_given();
+    } else if (auto found = find_column_names(header_, cell_count_, *in_.file)) {
+      names_ = std::move(found->names);
+      position_ = found->position;
+    }
     for (const std::size_t axis : position_)
-      if (!number(cells[axis], value)) return false;
-    for (std::size_t i = 0; i < columns; ++i) {
+      if (!read_cell(cells[axis], cells_->separator(), value)) {
+        if (numbers == cell_count_ || !names_.empty()) return false;
+        throw ColumnsUnknown(
+            ErrorKind::kInput, *in_.file, FilePlace{"line", line_start_.line()},
+            shown(cells[axis]) + " is no coordinate: say at ingest which columns are x, y, z");
+      }
+    for (std::size_t i = 0; i < cell_count_; ++i) {
       if (std::find(position_.begin(), position_.end(), i) != position_.end()) continue;
-      columns_.emplace_back().name = header_.empty() ? "" : header_[i];
+      columns_.emplace_back().name = names_.empty() ? "" : names_[i];
       column_at_.push_back(i);
     }
-    cell_count_ = columns;
     point(line);
     return true;
   }
 
-  /// Looks for a header with one name a column, x, y and z among them.
-  void find_names(std::size_t columns) {
-    position_ = {0, 1, 2};
-    header_.clear();
-    for (const std::string_view text : names_) {
-      const auto cells = Cells(separator_of(text)).cut(text);
-      if (cells.size() != columns) continue;
-      std::vector<std::string> names(cells.begin(), cells.end());
-      std::array<std::size_t, 3> found{};
-      bool all = true;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const std::string wanted(1, "xyz"[axis]);
-        const auto at = std::find_if(names.begin(), names.end(),
-                                     [&](const std::string& n) { return lower(n) == wanted; });
-        found[axis] = static_cast<std::size_t>(at - names.begin());
-        all &= at != names.end();
-      }
-      if (!all) continue;
-      position_ = found;
-      header_ = std::move(names);
+  /// The columns as the caller names them.
+  void take_given() {
+    names_.assign(cell_count_, "");
+    for (const auto& [name, column] : given_) {
+      if (column < 1 || column > cell_count_)
+        line_start_.fail("there is no column " + std::to_string(column) + ": this line has " +
+                         std::to_string(cell_count_));
+      names_[column - 1] = name;
     }
-  }
-
-  bool number(std::string_view cell, double& value) {
-    if (decimal_comma_ && cell.find(',') != std::string_view::npos) {
-      replaced_.assign(cell);
-      std::replace(replaced_.begin(), replaced_.end(), ',', '.');
-      cell = replaced_;
-    }
-    return !cell.empty() &&
-           read_number(cell.data(), cell.data() + cell.size(), value) == cell.data() + cell.size();
+    const auto position = find_position(names_);
+    if (!position) throw Error(ErrorKind::kUsage, *in_.file, "the columns of x, y and z are wanted");
+    position_ = *position;
   }
 
   void point(std::string_view line) {
-    const auto& cells = cells_.cut(line);
+    const auto& cells = cells_->cut(line);
     // Cells at the end of a line may be empty.
     const std::size_t least = 1 + *std::max_element(position_.begin(), position_.end());
     if (cells.size() > cell_count_ || cells.size() < least ||
-        (cells.size() < cell_count_ && line.back() != ',' && line.back() != ';'))
+        (cells.size() < cell_count_ && line.back() != cells_->separator()))
       line_start_.fail("a line of " + std::to_string(cells.size()) + " columns, where the others have " +
                        std::to_string(cell_count_));
     Vec3d p;
     for (int axis = 0; axis < 3; ++axis) {
       const std::string_view cell = cells[position_[static_cast<std::size_t>(axis)]];
-      if (!number(cell, p[axis])) line_start_.fail(shown(cell) + " is not a number");
+      if (!read_cell(cell, cells_->separator(), p[axis])) line_start_.fail(shown(cell) + " is not a number");
     }
     scan_.positions.push_back(p);
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       double value = kNan;
       const std::string_view cell = column_at_[i] < cells.size() ? cells[column_at_[i]] : std::string_view();
-      if (!cell.empty() && !number(cell, value)) {
+      if (!cell.empty() && !read_cell(cell, cells_->separator(), value)) {
         ++texts_;
         value = kNan;
       }
@@ -238,31 +212,38 @@ class XyzReader {
     return all(&Column::bytes) || all(&Column::fractions);
   }
 
-  void take_named(const std::vector<std::array<const char*, 3>>& spellings, std::vector<bool>& taken,
-                  std::vector<Vec3f>& into) {
-    for (const auto& spelling : spellings) {
-      std::array<std::size_t, 3> found{};
-      bool all = true;
-      for (std::size_t c = 0; c < 3; ++c) {
-        while (found[c] < columns_.size() && lower(columns_[found[c]].name) != spelling[c]) ++found[c];
-        all &= found[c] < columns_.size() && !taken[found[c]];
-      }
-      if (!all) continue;
-      into = three(found[0], found[1], found[2]);
-      for (const std::size_t i : found) taken[i] = true;
-      return;
-    }
+  std::vector<std::string> column_names() const {
+    std::vector<std::string> names;
+    for (const Column& column : columns_) names.push_back(column.name);
+    return names;
+  }
+
+  /// Of four columns of bytes: whether the intensity is the first. It is like its neighbour less than a
+  /// colour's channel is.
+  bool intensity_first() {
+    if (columns_.size() != 4 || !are_colors(1)) return false;
+    if (is_pts_ || !are_colors(0)) return true;
+    const bool first = correlation(columns_[0].values, columns_[1].values) <
+                       correlation(columns_[3].values, columns_[2].values);
+    scan_.notes.push_back(std::string("four columns of 0 to 255 follow the position, and were taken as ") +
+                          (first ? "intensity, red, green, blue" : "red, green, blue, intensity"));
+    return first;
   }
 
   void give_meaning() {
+    if (scan_number_ > 0) scan_.object_ids.resize(scan_.positions.size(), scan_number_);
     std::vector<bool> taken(columns_.size());
     std::vector<Vec3f> colors;
-    if (!header_.empty()) {
-      take_named({{"nx", "ny", "nz"}, {"normal_x", "normal_y", "normal_z"}}, taken, scan_.normals);
-      take_named({{"red", "green", "blue"}, {"r", "g", "b"}, {"rf", "gf", "bf"}}, taken, colors);
+    const auto take = [&](const std::optional<NameTriple>& found, std::vector<Vec3f>& into) {
+      if (!found) return;
+      into = three((*found)[0], (*found)[1], (*found)[2]);
+      for (const std::size_t i : *found) taken[i] = true;
+    };
+    if (!names_.empty()) {
+      take(find_normal(column_names()), scan_.normals);
+      take(find_color(column_names()), colors);
     } else {
-      const bool intensity_first = is_pts_ && columns_.size() == 4 && are_colors(1);
-      for (std::size_t i = intensity_first ? 1 : 0; i + 2 < columns_.size();) {
+      for (std::size_t i = intensity_first() ? 1 : 0; i + 2 < columns_.size();) {
         std::vector<Vec3f> vectors = three(i, i + 1, i + 2);
         const bool normals = scan_.normals.empty() && are_normals(vectors);
         const bool color = !normals && colors.empty() && are_colors(i);
@@ -273,6 +254,7 @@ class XyzReader {
         if (normals || color) taken[i] = taken[i + 1] = taken[i + 2] = true;
         i += normals || color ? 3 : 1;
       }
+      note_counter();
     }
     if (!colors.empty()) scan_.colors = colors_from_floats(colors);
     int unnamed = 0;
@@ -290,17 +272,28 @@ class XyzReader {
       scan_.notes.push_back(std::to_string(texts_) + " cells are no numbers and were read as NaN");
   }
 
+  /// 1, 2, 3, ... in the first of more than three columns is rarely an x.
+  void note_counter() {
+    const std::size_t count = scan_.positions.size();
+    if (columns_.empty() || count < 3) return;
+    for (std::size_t i = 1; i < count; ++i)
+      if (scan_.positions[i].x != scan_.positions[0].x + static_cast<double>(i)) return;
+    scan_.notes.push_back(
+        "the first column counts the points, but was taken for x, as there is no header: are columns 2 to 4 "
+        "the position?");
+  }
+
   TextCursor in_, line_start_;
+  TextColumns given_;
   bool is_pts_;
-  Cells cells_{' '};
-  bool decimal_comma_ = false;
-  std::string replaced_;
-  std::vector<std::string_view> names_;  ///< comments and header lines
-  std::vector<std::string> header_;      ///< a name a column, if the file has them
-  std::array<std::size_t, 3> position_{0, 1, 2};
+  std::optional<Cells> cells_;
+  std::vector<std::string_view> header_;  ///< comments and header lines
+  std::vector<std::string> names_;        ///< a name a column, if the file has them
+  NameTriple position_{0, 1, 2};
   std::vector<Column> columns_;
   std::vector<std::size_t> column_at_;
-  std::size_t cell_count_ = 0, texts_ = 0;
+  std::size_t cell_count_ = 0, texts_ = 0, scan_begin_ = 0;
+  std::int32_t scan_number_ = 0;
   std::optional<std::uint64_t> promised_;
   RawScan scan_;
 };
@@ -312,14 +305,14 @@ bool is_xyz(std::string_view bytes) {
   // The last line of these bytes may be cut in the middle, which does not matter here.
   TextCursor in(bytes.substr(0, 65536), kNoFile);
   std::string_view line;
-  for (int lines = 0; lines <= kMostHeaderLines + 1 && in.next_line(line);) {
-    if (comment(line) || line.find_first_not_of(" \t") == std::string_view::npos) continue;
+  for (int lines = 0; lines <= kMostUnnamedLines && in.next_line(line);) {
+    if (comment_text(line) || line.find_first_not_of(" \t") == std::string_view::npos) continue;
     ++lines;
-    const auto cells = Cells(separator_of(line)).cut(line);
+    Cells cells(separator_of(line));
     int numbers = 0;
-    for (const std::string_view cell : cells) {
+    for (const std::string_view cell : cells.cut(line)) {
       double value = 0;
-      if (cell.empty() || !read_number(cell.data(), cell.data() + cell.size(), value)) break;
+      if (!read_cell(cell, cells.separator(), value)) break;
       ++numbers;
     }
     if (numbers >= 3) return true;
@@ -327,6 +320,12 @@ bool is_xyz(std::string_view bytes) {
   return false;
 }
 
-RawScan read_xyz(std::string_view bytes, const std::string& file) { return XyzReader(bytes, file).read(); }
+RawScan read_xyz_columns(std::string_view bytes, const std::string& file, const TextColumns& columns) {
+  return XyzReader(bytes, file, columns).read();
+}
+
+RawScan read_xyz(std::string_view bytes, const std::string& file) {
+  return read_xyz_columns(bytes, file, {});
+}
 
 }  // namespace rbvh

@@ -11,6 +11,7 @@
 #include "io/off.h"
 #include "io/pcd.h"
 #include "io/ply.h"
+#include "io/ptx.h"
 #include "io/scan_io.h"
 #include "io/stl.h"
 #include "io/xyz.h"
@@ -44,6 +45,7 @@ void feed_all_readers(const std::string& bytes) {
   check_reader(read_stl, "a.stl", data, bytes.size());
   check_reader(read_off, "a.off", data, bytes.size());
   check_reader(read_pcd, "a.pcd", data, bytes.size());
+  check_reader(read_ptx, "a.ptx", data, bytes.size());
   check_reader(read_xyz, "a.xyz", data, bytes.size());
 }
 

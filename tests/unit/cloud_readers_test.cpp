@@ -1,5 +1,6 @@
 // PCD and text.
 #include "io/lzf.h"
+#include "io/text_columns.h"
 #include "tests/scan_bytes.h"
 
 namespace rbvh {
@@ -180,6 +181,138 @@ TEST(Xyz, TextCellsAreNoted) {
   const RawScan scan = parse_scan("1 2 3 tree\n4 5 6 7\n", "a.xyz");
   EXPECT_TRUE(std::isnan(scan.properties.at(0).values[0]));
   EXPECT_EQ(scan.notes.size(), 1u);
+}
+
+TEST(Pcd, NamesInAnyCaseAndSeparateColors) {
+  for (const char* fields :
+       {"X Y Z R G B NORMAL_X Normal_Y nz", "x y z red green blue NormalX NormalY NormalZ",
+        "x y z Red Green Blue Nx Ny Nz"}) {
+    std::string nine = fields;
+    if (nine.find("nz") != std::string::npos) nine = "X Y Z R G B Normal_X NORMAL_Y normal_z";
+    for (const char* type : {"U", "F"}) {
+      const std::string t = type, size = t == "U" ? "1" : "4";
+      const RawScan scan =
+          parse_scan(pcd_header({nine, "4 4 4 " + size + " " + size + " " + size + " 4 4 4",
+                                 "F F F " + t + " " + t + " " + t + " F F F", "1 1 1 1 1 1 1 1 1"},
+                                "ascii") +
+                         "0 0 0 200 100 50 0 0 1\n1 0 0 1 2 3 0 1 0\n\x1a",
+                     "a.pcd");
+      EXPECT_EQ(scan.colors, (std::vector<Color8>{{200, 100, 50}, {1, 2, 3}})) << fields;
+      EXPECT_EQ(scan.normals[1], (Vec3f{0, 1, 0})) << fields;
+      EXPECT_TRUE(scan.properties.empty());
+    }
+  }
+  std::string small = pcd_header({"x y z", "4 4 4", "f f f", "1 1 1"}, "ASCII") + "0 0 0\n1 0 0\n";
+  for (const char* key :
+       {"VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"})
+    small.replace(small.find(key), std::strlen(key), lower(key));
+  EXPECT_EQ(parse_scan("\xef\xbb\xbf" + small, "a.pcd").positions.size(), 2u);
+}
+
+TEST(Xyz, PositionsByAnyName) {
+  const std::vector<Vec3d> expected = {{0.5, 2, 3}, {-4, 5, 6}};
+  for (const char* header : {"Z Y X", "z_coord y_coord x_coord", "\"Points:2\" \"Points:1\" \"Points:0\"",
+                             "Elevation Northing Easting", "Height N E", "H North East", "Z[m] Y[m] X[m]",
+                             "altitude POS_Y POS_X", "PositionZ PositionY PositionX"})
+    for (const char separator : {' ', ',', ';', '\t'})
+      for (const char* before :
+           {"", "# made\n", "File of a scanner\nDate 1.1.2020\nUnits: metres\nby hand\n"}) {
+        std::string text = std::string(header) + " code\n3 2 0.5 tree\n6 5 -4 wall\n";
+        std::replace(text.begin(), text.end(), ' ', separator);
+        EXPECT_EQ(parse_scan(before + text, "a.txt").positions, expected) << before << text;
+      }
+}
+
+TEST(Xyz, AHeaderOfOtherThingsIsRefused) {
+  for (const char* text : {"latitude,longitude,altitude\n48,11,500\n", "Lat Lon Height\n48 11 500\n",
+                           "# lat;lon;h\n48;11;500\n", "time,Latitude,Longitude,Elevation\n0,69,-49,630\n",
+                           "a,b,c\n1,2,3\n", "Intensity R G B\n1 2 3 4\n", "range;angle;height\n1;2;3\n"}) {
+    try {
+      parse_scan(text, "a.csv");
+      ADD_FAILURE() << text;
+    } catch (const ColumnsUnknown& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput) << text;
+      EXPECT_NE(std::string(error.what()).find("the header '"), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(parse_scan(text, "a.csv", {{"x", 3}, {"y", 1}, {"z", 2}}).positions.size(), 1u) << text;
+  }
+  EXPECT_EQ(parse_scan("# Scanned by me\n1 2 3\n", "a.xyz").positions.size(), 1u);
+  EXPECT_EQ(parse_scan("my old church\n1 2 3\n", "a.xyz").positions.size(), 1u);
+}
+
+TEST(Xyz, ColumnsAsTheCallerNamesThem) {
+  const RawScan scan = parse_scan("P1,9,8,7,255,0,0,tree\nP2,6,5,4,0,255,0,wall\n", "a.csv",
+                                  {{"y", 2}, {"x", 3}, {"z", 4}, {"red", 5}, {"green", 6}, {"blue", 7}});
+  EXPECT_EQ(scan.positions, (std::vector<Vec3d>{{8, 9, 7}, {5, 6, 4}}));
+  EXPECT_EQ(scan.colors[1], (Color8{0, 255, 0}));
+  EXPECT_THROW(parse_scan("1 2 3\n", "a.xyz", {{"x", 1}, {"y", 2}, {"z", 4}}), Error);
+  EXPECT_THROW(parse_scan("1 2 3\n", "a.xyz", {{"x", 1}, {"y", 2}}), Error);
+  EXPECT_THROW(parse_scan("OFF\n1 0 0\n1 2 3\n", "a.off", {{"x", 1}, {"y", 2}, {"z", 3}}), Error);
+  EXPECT_NE(input_error("P1 1 2 3\n", "a.xyz").find("'P1' is no coordinate"), std::string::npos);
+}
+
+TEST(Xyz, DecimalCommas) {
+  for (const char* text : {"0,5 1 0\n1,5 1,25 0\n", "0,5\t1\t0\n1,5\t1,25\t0\n", "0,5;1;0\n1,5;1,25;0\n",
+                           "X Y Z\n0,5 1,0 0,0\n1,5 1,25 0\n", "0,5  1,0   0,00 \r\n1,5 1,25 0,\r\n"}) {
+    if (std::string_view(text).ends_with("0,\r\n")) continue;
+    EXPECT_EQ(parse_scan(text, "a.xyz").positions, (std::vector<Vec3d>{{0.5, 1, 0}, {1.5, 1.25, 0}})) << text;
+  }
+  EXPECT_EQ(parse_scan("1, 2, 3\n4, 5, 6\n", "a.xyz").positions[1], (Vec3d{4, 5, 6}));
+  EXPECT_EQ(parse_scan("1,2,3\n4,5,6\n", "a.xyz").positions[1], (Vec3d{4, 5, 6}));
+}
+
+TEST(Xyz, IntensityBeforeOrBehindTheColor) {
+  std::string before, behind;
+  for (int i = 0; i < 20; ++i) {
+    const int light = 40 + 9 * i, intensity = 10 + 77 * i % 200;
+    const std::string rgb =
+        std::to_string(light + 7) + " " + std::to_string(light) + " " + std::to_string(light / 2);
+    before += std::to_string(i % 3) + " 0 0 " + std::to_string(intensity) + " " + rgb + "\n";
+    behind += std::to_string(i % 3) + " 0 0 " + rgb + " " + std::to_string(intensity) + "\n";
+  }
+  for (const std::string& text : {before, behind}) {
+    const RawScan scan = parse_scan(text, "a.xyz");
+    EXPECT_EQ(scan.colors[1], (Color8{56, 49, 24})) << text;
+    ASSERT_EQ(scan.properties.size(), 1u);
+    EXPECT_EQ(scan.properties[0].values[1], 87);
+    EXPECT_EQ(scan.notes.size(), 1u);
+  }
+}
+
+TEST(Xyz, AFirstColumnThatCountsIsNoted) {
+  EXPECT_EQ(parse_scan("1,50,40,0,GRD\n2,50,42,0,GRD\n3,51,40,0,GRD\n", "a.csv").notes.size(), 2u);
+  EXPECT_TRUE(parse_scan("1 5 7\n2 6 7\n3 7 7\n", "a.xyz").notes.empty());
+}
+
+TEST(Xyz, SeveralScansOfOneFile) {
+  const RawScan scan = parse_scan("2\r\n0 0 0 5\r\n1 0 0 5\r\n1\r\n2 0 0 5\r\n\x1a", "a.pts");
+  EXPECT_EQ(scan.positions.size(), 3u);
+  EXPECT_EQ(scan.object_ids, (std::vector<std::int32_t>{0, 0, 1}));
+  EXPECT_NE(
+      input_error("2\n0 0 0 5\n1 0 0 5\n2\n2 0 0 5\n", "a.pts").find("promises 2 points, but there are 1"),
+      std::string::npos);
+  EXPECT_NE(input_error("2\n0 0 0 5\n1\n2 0 0 5\n", "a.pts").find("columns"), std::string::npos);
+}
+
+const std::string kPtx =
+    "2\n2\n10 20 30\n1 0 0\n0 1 0\n0 0 1\n0 1 0 0\n-1 0 0 0\n0 0 1 0\n10 20 30 1\n"
+    "1 0 0 0.5 255 0 0\n0 0 0 0.5 0 0 0\n0 1 0 0.25 0 255 0\n0 0 1 1 0 0 255\n";
+
+TEST(Ptx, PointsMoveByTheirScansMatrix) {
+  const RawScan one = parse_scan(kPtx, "a.ptx");
+  EXPECT_EQ(one.positions, (std::vector<Vec3d>{{10, 21, 30}, {9, 20, 30}, {10, 20, 31}}));
+  EXPECT_EQ(one.colors[1], (Color8{0, 255, 0}));
+  EXPECT_EQ(one.properties.at(0).values, (std::vector<float>{0.5, 0.25, 1}));
+  EXPECT_EQ(one.notes.size(), 1u);
+  ASSERT_EQ(one.viewpoints.size(), 1u);
+  EXPECT_EQ(one.viewpoints[0].position, (Vec3d{10, 20, 30}));
+  const RawScan two = parse_scan("\xef\xbb\xbf" + kPtx + kPtx + "\x1a", "a.txt");
+  EXPECT_EQ(two.object_ids, (std::vector<std::int32_t>{0, 0, 0, 1, 1, 1}));
+  EXPECT_EQ(two.viewpoints.at(1).first_object, 1);
+  check_prefixes(kPtx, "a.ptx", kPtx.size() - 3);
+  std::string many = kPtx;
+  many.replace(0, 3, "4000000000\n4000000000");
+  EXPECT_NE(input_error(many, "a.ptx").find("promises"), std::string::npos);
 }
 
 TEST(Xyz, AnyPrefixIsReadOrRefused) { check_prefixes("# c\nx y z i\n1 2 3 4\n-5 6 7 8\n", "a.xyz", 15); }

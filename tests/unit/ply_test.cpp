@@ -2,6 +2,8 @@
 
 #include <clocale>
 
+#include <sstream>
+
 #include "tests/scan_bytes.h"
 
 namespace rbvh {
@@ -123,6 +125,25 @@ TEST(Ply, ColorsOfOtherTypes) {
   EXPECT_EQ(with("uchar", "1 2 255"), (Color8{1, 2, 255}));
   EXPECT_EQ(with("float", "0 0.5 1"), (Color8{0, 128, 255}));
   EXPECT_EQ(with("ushort", "0 32768 65535"), (Color8{0, 128, 255}));
+}
+
+TEST(Ply, NamesInAnyCaseAndSpelling) {
+  for (const char* names :
+       {"X Y Z Red Green Blue NX NY NZ", "x y z R G B NormalX NormalY NormalZ",
+        "x y z DIFFUSE_RED Diffuse_Green diffuse_blue Nx Ny Nz", "X Y Z r g b Normal_X Normal_Y Normal_Z"}) {
+    std::string header = "ply\nformat ascii 1.0\nelement Vertex 2\n";
+    std::istringstream words(names);
+    for (std::string word; words >> word;) header += "property float " + word + "\n";
+    header += "property uchar Alpha\nend_header\n";
+    for (const char* mark : {"", "\xef\xbb\xbf"}) {
+      const RawScan scan =
+          parse_scan(mark + header + "0 0 0 200 100 50 0 0 1 255\n1 0 0 1 2 3 0 1 0 255\n\x1a", "a.ply");
+      EXPECT_EQ(scan.positions[1], (Vec3d{1, 0, 0})) << names;
+      EXPECT_EQ(scan.colors, (std::vector<Color8>{{200, 100, 50}, {1, 2, 3}})) << names;
+      EXPECT_EQ(scan.normals[1], (Vec3f{0, 1, 0})) << names;
+      EXPECT_EQ(scan.properties.size(), 1u) << names;
+    }
+  }
 }
 
 TEST(Ply, CutAnywhereIsAnError) {

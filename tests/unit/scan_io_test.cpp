@@ -35,6 +35,20 @@ TEST(ReadScan, WhatIsNoScanIsRefusedInWords) {
   EXPECT_NE(input_error("\x1f\x8b\x08", "a.ply").find("gzip"), std::string::npos);
 }
 
+TEST(ReadScan, ByteOrderMarks) {
+  for (const char* text :
+       {"0 0 0\n1 0 0\n", "v 0 0 0\nv 1 0 0\n", "OFF\n2 0 0\n0 0 0\n1 0 0\n", "# c\n0 0 0\n1 0 0\n"})
+    EXPECT_EQ(parse_scan(std::string("\xef\xbb\xbf") + text, "a").positions.size(), 2u) << text;
+  for (const char* name : {"a.xyz", "a.obj", "a.ply", "a.stl", "a.off", "a"})
+    for (const bool big : {false, true}) {
+      std::string wide = big ? "\xfe\xff" : "\xff\xfe";
+      for (const char c : {'0', ' ', '0', ' ', '0', '\n'})
+        wide += big ? std::string(1, '\0') + c : c + std::string(1, '\0');
+      EXPECT_NE(input_error(wide, name).find("UTF-16"), std::string::npos);
+      EXPECT_NE(input_error(wide.substr(2), name).find("UTF-16"), std::string::npos);
+    }
+}
+
 class Folder : public ::testing::Test {
  protected:
   void SetUp() override {

@@ -1,0 +1,157 @@
+#include "pipeline/scan/cut_polygons.h"
+
+#include <array>
+#include <cmath>
+
+namespace rbvh {
+namespace {
+
+/// Ears are found in quadratic time: more corners stay a fan.
+constexpr std::size_t kMostCorners = 20000;
+/// Edges that cross are looked for in polygons up to this.
+constexpr std::size_t kMostToCross = 2000;
+
+struct Point {
+  double x, y;
+};
+
+/// Twice the signed area.
+double area(Point a, Point b, Point c) { return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x); }
+bool same(Point a, Point b) { return a.x == b.x && a.y == b.y; }
+
+/// Inside or on an edge, but no corner.
+bool inside(Point p, Point a, Point b, Point c) {
+  return area(a, b, p) >= 0 && area(b, c, p) >= 0 && area(c, a, p) >= 0 && !same(p, a) && !same(p, b) &&
+         !same(p, c);
+}
+
+/// The corners along the axis that Newell's normal is nearest to, counter-clockwise; empty where the polygon
+/// has no area or a corner that is not finite.
+std::vector<Point> project(std::span<const std::uint32_t> corners, std::span<const Vec3d> positions) {
+  Vec3d normal;
+  const Vec3d origin = positions[corners[0]];
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    normal =
+        normal + cross(positions[corners[i]] - origin, positions[corners[(i + 1) % corners.size()]] - origin);
+  if (!is_finite(normal) || normal == Vec3d{}) return {};
+  int axis = 0;
+  for (int i = 1; i < 3; ++i)
+    if (std::abs(normal[i]) > std::abs(normal[axis])) axis = i;
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  std::vector<Point> points;
+  for (const std::uint32_t corner : corners) {
+    const Vec3d p = positions[corner] - origin;
+    points.push_back(normal[axis] > 0 ? Point{p[u], p[v]} : Point{p[v], p[u]});
+  }
+  return points;
+}
+
+bool is_filled_by_fan(const std::vector<Point>& points) {
+  for (std::size_t i = 2; i < points.size(); ++i)
+    if (!(area(points[0], points[i - 1], points[i]) > 0)) return false;
+  return true;
+}
+
+bool has_crossing_edges(const std::vector<Point>& points) {
+  const std::size_t n = points.size();
+  if (n > kMostToCross) return false;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = i + 2; j < n; ++j) {
+      const Point a = points[i], b = points[i + 1], c = points[j], d = points[(j + 1) % n];
+      if (area(a, b, c) * area(a, b, d) < 0 && area(c, d, a) * area(c, d, b) < 0) return true;
+    }
+  return false;
+}
+
+/// Cuts off ear after ear. Where no corner is one, one without an angle goes, else any: the edges cross.
+class EarCutter {
+ public:
+  explicit EarCutter(const std::vector<Point>& points) : points_(points) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      next_.push_back((i + 1) % points.size());
+      previous_.push_back((i + points.size() - 1) % points.size());
+    }
+  }
+
+  /// Triangles as indices of points; false where the edges cross.
+  bool cut(std::vector<std::array<std::size_t, 3>>& triangles) {
+    bool sound = true;
+    std::size_t left = points_.size(), at = 0, tried = 0;
+    while (left > 3) {
+      const bool stuck = tried >= left, lost = tried >= 2 * left;
+      sound &= !lost;
+      if (lost || is_ear(at) || (stuck && turn(at) == 0)) {
+        triangles.push_back({previous_[at], at, next_[at]});
+        next_[previous_[at]] = next_[at];
+        previous_[next_[at]] = previous_[at];
+        --left;
+        tried = 0;
+      } else {
+        ++tried;
+      }
+      // Not the neighbour at once, which would make a fan of slivers.
+      at = tried == 0 ? next_[next_[at]] : next_[at];
+    }
+    triangles.push_back({previous_[at], at, next_[at]});
+    return sound;
+  }
+
+ private:
+  double turn(std::size_t i) const { return area(points_[previous_[i]], points_[i], points_[next_[i]]); }
+
+  bool is_ear(std::size_t i) const {
+    if (!(turn(i) > 0)) return false;
+    const Point a = points_[previous_[i]], b = points_[i], c = points_[next_[i]];
+    for (std::size_t j = next_[next_[i]]; j != previous_[i]; j = next_[j])
+      if (inside(points_[j], a, b, c)) return false;
+    return true;
+  }
+
+  const std::vector<Point>& points_;
+  std::vector<std::size_t> next_, previous_;
+};
+
+enum class Cut { kGood, kCrossing, kTooMany };
+
+Cut cut_polygon(std::span<const std::uint32_t> corners, std::span<const Vec3d> positions,
+                std::span<Triangle> triangles) {
+  const std::vector<Point> points = project(corners, positions);
+  if (points.empty()) {
+    // No area in all, but in parts: they cancel out.
+    for (const Triangle& t : triangles) {
+      const Vec3d n = cross(positions[t[1]] - positions[t[0]], positions[t[2]] - positions[t[0]]);
+      if (is_finite(n) && n != Vec3d{}) return Cut::kCrossing;
+    }
+    return Cut::kGood;
+  }
+  if (is_filled_by_fan(points)) return Cut::kGood;
+  if (corners.size() > kMostCorners) return Cut::kTooMany;
+  std::vector<std::array<std::size_t, 3>> ears;
+  const bool sound = EarCutter(points).cut(ears) && !has_crossing_edges(points);
+  for (std::size_t t = 0; t < ears.size(); ++t)
+    triangles[t] = {corners[ears[t][0]], corners[ears[t][1]], corners[ears[t][2]]};
+  return sound ? Cut::kGood : Cut::kCrossing;
+}
+
+}  // namespace
+
+void Fans::cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
+                     std::vector<std::string>& notes) const {
+  std::size_t crossing = 0, too_many = 0;
+  std::vector<std::uint32_t> corners;
+  for (const Fan& fan : fans_) {
+    corners.assign({triangles[fan.first][0], triangles[fan.first][1]});
+    for (std::size_t t = 0; t < fan.count; ++t) corners.push_back(triangles[fan.first + t][2]);
+    const Cut cut = cut_polygon(corners, positions, std::span(triangles).subspan(fan.first, fan.count));
+    crossing += cut == Cut::kCrossing;
+    too_many += cut == Cut::kTooMany;
+  }
+  if (crossing > 0)
+    notes.push_back(std::to_string(crossing) +
+                    " polygons have edges that cross: what they enclose was guessed");
+  if (too_many > 0)
+    notes.push_back(std::to_string(too_many) + " concave polygons of more than " +
+                    std::to_string(kMostCorners) + " corners were cut as fans");
+}
+
+}  // namespace rbvh
