@@ -24,8 +24,8 @@ typedef struct GroupStack {
 
 // Rays that are cast together, and the nearest hits so far.
 typedef struct Group {
-  const PreparedLanes* lanes;
-  const PreparedRay* prepared;
+  PreparedLanes lanes;
+  PreparedRay prepared[GROUP];
   float center[3];  // of the rays' origins
   Found16 found;
   uint16 nodes, leaves;  // visited
@@ -64,7 +64,7 @@ static ALWAYS_INLINE float16 distances_of_children(__global const WideNode* node
 // now on.
 static ALWAYS_INLINE uint open_node_group(__global const WideNode* node, const Group* g, uint rays, uint row,
                                           GroupStack* s) {
-#define LANES(row) vload16(0, g->lanes->row)
+#define LANES(row) vload16(0, g->lanes.row)
   const float16 inverse[3] = {LANES(inverse[0]), LANES(inverse[1]), LANES(inverse[2])},
                 near[3] = {LANES(near_offset[0]), LANES(near_offset[1]), LANES(near_offset[2])},
                 far[3] = {LANES(far_offset[0]), LANES(far_offset[1]), LANES(far_offset[2])};

@@ -47,7 +47,7 @@ static ALWAYS_INLINE uint cull_leaf(const Tree* tree, uint id, const Group* g, u
   if (id < tree->tile_count) return rays;
   const uint block = id - tree->tile_count;
   if (!IN_BOUNDS(tree->bounds, BLOCKS, block, 1)) return 0;
-  return rays_between(&tree->blocks[block].between, g->lanes, rays, enter, leave);
+  return rays_between(&tree->blocks[block].between, &g->lanes, rays, enter, leave);
 }
 
 DEFINE_TRAVERSE(traverse_from, Tree, PreparedRay, Found, open_node, intersect_element, limit_of)

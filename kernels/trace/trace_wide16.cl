@@ -65,7 +65,7 @@ static ALWAYS_INLINE void ask_child(const Tree* tree, uint child) {
 
 static ALWAYS_INLINE uint cull_leaf(const Tree* tree, uint block, const Group* g, uint rays, float16 enter,
                                     float16 leave) {
-  return rays_between(&tree->blocks[block].between, g->lanes, rays, enter, leave);
+  return rays_between(&tree->blocks[block].between, &g->lanes, rays, enter, leave);
 }
 
 DEFINE_TRAVERSE(traverse_from, Tree, PreparedRay, Found, open_node, intersect_leaf, limit_of)

@@ -153,17 +153,19 @@ void ExactTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                             const Buffer<std::uint32_t>* steps) const {
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
   RBVH_CHECK(hits.size() >= pixels && (steps == nullptr || steps->size() >= pixels));
-  const std::uint32_t in_row = (camera.width + 7) / 8;
-  const std::size_t squares = std::size_t{in_row} * ((camera.height + 7) / 8);
-  if (beam_pixels > 0 && pixels >= beam_pixels) {
-    device.kernel(kernel, "trace_camera_beams", options)
-        .run(squares, kBeamGroup, nodes, primitives, references, scene, camera, in_row, hits,
+  const auto squares = [](std::uint32_t count, std::uint32_t side) { return (count + side - 1) / side; };
+  if (beam_pixels > 0) {
+    const bool in_beams = pixels >= beam_pixels;
+    const std::uint32_t side = in_beams ? 8 : 4, in_row = squares(camera.width, side);
+    device.kernel(kernel, in_beams ? "trace_camera_beams" : "trace_camera_groups", options)
+        .run(std::size_t{in_row} * squares(camera.height, side), in_beams ? kBeamGroup : kPacketGroup, nodes,
+             primitives, references, scene, camera, in_row, hits,
              steps != nullptr ? *steps : Buffer<std::uint32_t>());
     return;
   }
   device.kernel(kernel, "trace_camera", options)
-      .run(squares * 64, kGroup, nodes, primitives, references, scene, camera, hits,
-           steps != nullptr ? *steps : Buffer<std::uint32_t>());
+      .run(std::size_t{squares(camera.width, 8)} * squares(camera.height, 8) * 64, kGroup, nodes, primitives,
+           references, scene, camera, hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
 SurfaceSamples ExactTracer::surface(std::span<const Hit> hits) const {

@@ -28,8 +28,8 @@ struct ExactTracer final : Tracer {
   BvhRoot scene{};
   Buffer<std::uint32_t> nodes, primitives;  ///< the kernel's own structs
   Buffer<std::uint32_t> references;         ///< kd-trees only
-  /// Cameras of at least so many pixels have their rays cast in beams; 0: none. Where it is not 0, other rays
-  /// are cast in groups of 16.
+  /// Cameras of at least so many pixels have their rays cast in beams, of fewer in groups of 16, as other
+  /// rays are. 0: all are cast one by one.
   std::size_t beam_pixels = 0;
   std::size_t node_bytes() const { return nodes.size() * sizeof(std::uint32_t); }
   std::size_t primitive_bytes() const {

@@ -7,8 +7,10 @@
 
 #include "pipeline/device/device.h"
 #include "pipeline/rbvh/build.h"
+#include "pipeline/trace/camera_rays.h"
 #include "pipeline/trace/trace_exact.h"
 #include "pipeline/trace/trace_tile.h"
+#include "rbvh/camera.h"
 #include "tests/shapes.h"
 #include "tests/trace_test.h"
 
@@ -103,6 +105,29 @@ TEST_F(RayGroups, OfALevelOfTilesHitWhatEachHitsAlone) {
   const Scan scan = bumpy_sphere(60);
   const Level level = level_of(scan, Hybrid::kOff, 0);
   expect_same_hits(make_tile_tracer(Device::open(), level), bundles(scan, 100));
+}
+
+TEST_F(RayGroups, OfACameraHitWhatBeamsAndSingleRaysHit) {
+  const Scan scan = bumpy_sphere(60);
+  const Bounds3f box = bounds(scan);
+  const CameraRays camera =
+      camera_rays(views_around({Vec3d(box.lo), Vec3d(box.hi)}, {0, 0, 1}, 1, 1.0)[0], 45, 39);
+  ExactTracer tracer = make_exact_tracer(Device::open(), scan);
+  std::vector<std::vector<Hit>> pictures;
+  for (const std::size_t beam_pixels : {std::size_t{0}, std::size_t{1}, std::size_t{1} << 30}) {
+    tracer.beam_pixels = beam_pixels;
+    const Buffer<Hit> hits(tracer.device, std::size_t{camera.width} * camera.height);
+    tracer.intersect(camera, hits);
+    pictures.push_back(hits.read());
+  }
+  for (std::size_t i = 0; i < pictures[0].size(); ++i)
+    for (const std::vector<Hit>& picture : pictures) {
+      SCOPED_TRACE(i);
+      const Hit &a = pictures[0][i], &b = picture[i];
+      EXPECT_EQ(a.t, b.t);
+      EXPECT_EQ(a.leaf, b.leaf);
+      EXPECT_EQ(a.flags, b.flags);
+    }
 }
 
 }  // namespace
