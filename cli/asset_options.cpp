@@ -11,6 +11,8 @@
 namespace rbvh {
 namespace {
 
+constexpr std::pair<std::string_view, bool> kCoordinates[] = {{"file", false}, {"shifted", true}};
+
 std::vector<std::string> parse_level_list(std::string_view text) {
   try {
     return parse_list(text);
@@ -88,6 +90,11 @@ void report_proxies(Context& context, const Tracer& of) {
   const auto* scene = dynamic_cast<const SceneTracer*>(&of);
   const PatchTracer* tracer = scene != nullptr ? patch_tracer(*scene) : nullptr;
   if (tracer != nullptr) context.report["proxies"] = patch_tracing_json(*tracer);
+}
+
+void add_coordinates_option(CLI::App& stage, bool& shifted) {
+  add_parsed(stage, "--coordinates", shifted, parse_choice<kCoordinates>, "WHICH",
+             "file (the file's own, default), or shifted (those less the shift that info names)");
 }
 
 CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several) {

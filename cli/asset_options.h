@@ -9,6 +9,7 @@
 #include "cli/common.h"
 #include "io/load_asset.h"
 #include "pipeline/trace/make_tracer.h"
+#include "rbvh/frame.h"
 
 namespace rbvh {
 
@@ -43,6 +44,13 @@ void check_proxy_options(const ProxyCastOptions& options, const std::vector<std:
 
 /// Says in the report what casting proxies took. Nothing where there are none.
 void report_proxies(Context& context, const Tracer& tracer);
+
+/// --coordinates: what is given and got are the file's own coordinates, or the inner ones, which are less by
+/// the shift.
+void add_coordinates_option(CLI::App& stage, bool& shifted);
+
+/// What is to be subtracted from coordinates that are given.
+inline Vec3d given_shift(const Asset& asset, bool shifted) { return shifted ? Vec3d{} : shift(asset); }
 
 /// --level: given several times, or with commas, or "all".
 CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels, bool several);

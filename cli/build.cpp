@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/error_bound.h"
 #include "cli/layer_options.h"
@@ -35,7 +36,7 @@ struct BuildOptions {
   std::optional<double> focus_radius;
   std::optional<std::string> focus_level;  // Q0
   LayerWords layers;                       // of the scan's vertex properties
-  bool measure = false;
+  bool measure = false, shifted = false;
   ViewsConfig views;
 };
 
@@ -104,7 +105,11 @@ void run_build(Context& context, const BuildOptions& options) {
     config.levels = {
         level_of_error(part_of_diagonal(*options.error, "units", scale, input_name(options.file)))};
   check_budget(context.memory, build_memory(scan, config), options.file, "building it");
-  if (focus) config.focus = place_focus(*focus, scan);
+  if (focus) {
+    FocusWords placed = *focus;
+    if (!options.shifted) placed.point = placed.point - scan.shift;
+    config.focus = place_focus(placed, scan);
+  }
   time_phase(context, "load");
 
   const Device device = Device::open(context.device);
@@ -180,6 +185,7 @@ void add_build(CLI::App& app, Context& context) {
              "the quality there (default: Q0)");
   add_parsed(*stage, "--focus-camera", options->focus_camera, parse_vec3, "x,y,z",
              "the same seen from a camera: what is nearest to it has the focus level's quality");
+  add_coordinates_option(*stage, options->shifted);
   add_parsed(*stage, "--layer", options->layers.names, parse_layer_names, "NAME,NAME",
              "make layers of these properties of the scan's vertices");
   add_parsed(*stage, "--layer-scale", options->layers.scale, parse_layer_scale, "S",

@@ -16,6 +16,8 @@
 namespace rbvh {
 namespace {
 
+constexpr std::pair<std::string_view, bool> kWindings[] = {{"keep", false}, {"orient", true}};
+
 struct IngestOptions {
   std::vector<std::string> inputs;
   std::string units;  // empty: as the inputs state them
@@ -135,6 +137,11 @@ void add_ingest(CLI::App& app, Context& context) {
              "what the coordinates are in: mm, cm, m, km, in or ft; it is noted, nothing is converted");
   stage->add_flag("--recompute-normals", config.recompute_normals,
                   "estimate a cloud's normals even where the file has them");
+  stage->add_flag(
+      "--remove-far", config.remove_far,
+      "remove points 10000 times as far from the others as most of these are apart (0 0 0 in UTM)");
+  add_parsed(*stage, "--winding", config.orient, parse_choice<kWindings>, "HOW",
+             "of a mesh's faces: keep (default), or orient: turn those that disagree with their neighbours");
   stage->add_flag("--flip-normals", config.flip_normals, "turn all normals and faces to the other side");
 }
 

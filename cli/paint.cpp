@@ -19,6 +19,7 @@ struct PaintOptions {
   std::string file, layer, points, values, scan;
   std::vector<std::string> levels;
   float radius = 0;
+  bool shifted = false;
   std::optional<double> scale;
   std::optional<float> reach;
 };
@@ -49,11 +50,12 @@ void run_paint(Context& context, const PaintOptions& options) {
 
   PointValues paint;
   Scan scan;
+  Asset pair = load(context, options.file);
   if (from_scan)
     scan = load_scan(options.scan, context.memory, context.progress.callback());
   else
-    paint = read_point_values(options.points, options.values, context.memory);
-  Asset pair = load(context, options.file);
+    paint =
+        read_point_values(options.points, options.values, context.memory, given_shift(pair, options.shifted));
   Rbvh& rbvh = *pair.rbvh();
   move_to_shift(scan, rbvh.source.shift);
   from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
@@ -110,7 +112,9 @@ void add_paint(CLI::App& app, Context& context) {
   add_parsed(*stage, "--layer", options->layer, parse_layer_name, "NAME",
              "the layer, made where it is not there; or color")
       ->required();
-  stage->add_option("--points", options->points, "N x 3 float32: points on the surface")->type_name("FILE");
+  stage->add_option("--points", options->points, "N x 3 float32 or float64: points on the surface")
+      ->type_name("FILE");
+  add_coordinates_option(*stage, options->shifted);
   stage
       ->add_option(
           "--values", options->values,

@@ -16,6 +16,7 @@
 #include "io/report_json.h"
 #include "pipeline/device/open_meanwhile.h"
 #include "pipeline/measure/difference.h"
+#include "pipeline/render/pixels.h"
 #include "pipeline/render/shade.h"
 #include "rbvh/render.h"
 
@@ -31,6 +32,7 @@ struct RenderOptions {
   std::string color_layer;  // empty: the surface's own colours
   int samples = 0;          // 0: the AOV's default
   ProxyCastOptions proxies;
+  bool shifted = false;
 };
 
 Aov parse_aov(std::string_view text) {
@@ -107,7 +109,7 @@ class Renderer {
     const std::vector<std::string> levels = levels_to_cast(context_, asset, options_.levels, true);
     const Resolution size = options_.camera.resolution;
     const std::vector<Camera> cameras = place_cameras(
-        words_, options_.camera.turntable,
+        moved(words_, given_shift(asset, options_.shifted)), options_.camera.turntable,
         {static_cast<Vec3d>(asset.bounds.lo), static_cast<Vec3d>(asset.bounds.hi)},
         options_.camera.up.value_or(asset.up_axis()), static_cast<double>(size.width) / size.height);
     for (const std::string& level : levels) {
@@ -153,6 +155,13 @@ class Renderer {
     }
   }
 
+  static std::vector<CameraWords> moved(std::vector<CameraWords> words, Vec3d shift) {
+    for (CameraWords& word : words)
+      for (std::optional<Vec3d>* point : {&word.position, &word.focal_point})
+        if (*point) **point = **point - shift;
+    return words;
+  }
+
   SceneConfig scene_config(const ExactConfig& exact) const {
     SceneConfig config = options_.proxies.scene;
     config.exact = exact;
@@ -169,7 +178,12 @@ class Renderer {
     config.as_shown = options_.aov != Aov::kShaded &&
                       image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr;
     if (!options_.color_layer.empty()) config.colors = layer_colors(asset, level, options_.color_layer);
-    return render(tracer, camera, config, &timings_);
+    Image image = render(tracer, camera, config, &timings_);
+    if (shows_nothing(image))
+      warn(context_, asset.path + ": nothing is in view; the object's bounds and shift are in rbvh info");
+    if (options_.aov == Aov::kPosition && !config.as_shown)
+      add_to_pixels(image, static_cast<Vec3f>(given_shift(asset, options_.shifted)));
+    return image;
   }
 
   std::string output_name(const Asset& asset, const std::string& level, std::size_t frame) const {
@@ -234,6 +248,7 @@ void add_render(CLI::App& app, Context& context) {
       ->excludes("--tracer")
       ->excludes("--samples")
       ->excludes("--color-layer");
+  add_coordinates_option(*stage, options->shifted);
   add_proxy_options(*stage, options->proxies, true);
   add_camera_options(*stage, options->camera);
 }

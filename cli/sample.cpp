@@ -2,6 +2,7 @@
 #include <cmath>
 #include <memory>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/layer_options.h"
 #include "cli/stages.h"
@@ -17,6 +18,7 @@ struct SampleOptions {
   std::string file, layer, points;
   std::vector<std::string> levels;
   std::optional<float> reach;
+  bool shifted = false;
 };
 
 void run_sample(Context& context, const SampleOptions& options) {
@@ -24,8 +26,8 @@ void run_sample(Context& context, const SampleOptions& options) {
   check_output(context.output, context.force);
   check_is_pair(options.file);
   check_read_budget(context.memory, options.points);
-  const std::vector<Vec3f> points = read_points(options.points);
   const Asset pair = load(context, options.file, {.levels = options.levels});
+  const std::vector<Vec3f> points = read_points(options.points, given_shift(pair, options.shifted));
   const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
   const Layer layer = layer_to_sample(level, options.layer, options.file);
   time_phase(context, "load");
@@ -62,13 +64,14 @@ void add_sample(CLI::App& app, Context& context) {
       "lies above the point)")
       ->required();
   stage
-      ->add_option(
-          "--points", options->points,
-          "N x 3 float32 (-: standard input). Out come N x the layer's values, nan where there is none")
+      ->add_option("--points", options->points,
+                   "N x 3 float32 or float64 (-: standard input). Out come N x the layer's values, nan where "
+                   "there is none")
       ->required()
       ->type_name("FILE");
   add_parsed(*stage, "--reach", options->reach, parse_distance, "D",
              "how far from the surface a point may lie, scan units (default: 1% of the diagonal)");
+  add_coordinates_option(*stage, options->shifted);
   add_level_option(*stage, options->levels, false);
 }
 

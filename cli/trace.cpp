@@ -1,4 +1,7 @@
 // rbvh trace: casts the rays of a .npy file and writes what they hit.
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
 #include <cmath>
 #include <future>
 #include <memory>
@@ -32,8 +35,19 @@ struct TraceOptions {
   ExactOptions exact;
   std::optional<double> cone;  // degrees
   ProxyCastOptions proxies;
-  bool any = false;
+  bool any = false, shifted = false;
 };
+
+/// Float32 of large coordinates is too coarse for rays at a scan that is shifted for that.
+void warn_of_coarse_rays(Context& context, const std::string& path, const Asset& asset, Vec3d shift) {
+  float largest = 0;
+  for (int axis = 0; axis < 3; ++axis) largest = std::max(largest, static_cast<float>(std::abs(shift[axis])));
+  const float grain = std::nextafter(largest, std::numeric_limits<float>::infinity()) - largest;
+  if (grain > 1e-5f * asset.bounds.diagonal())
+    warn(context, fmt::format("{}: rays are float32, whose steps are {:.2g} wide at these coordinates; save "
+                              "them as float64, or use --coordinates shifted",
+                              path, grain));
+}
 
 void run_trace(Context& context, const TraceOptions& options) {
   const ExactConfig exact = exact_config(options.exact);
@@ -45,6 +59,8 @@ void run_trace(Context& context, const TraceOptions& options) {
   NpyReader rays(options.rays, kRayColumns);
   std::future<Device> opening = open_meanwhile(context.device);
   const Asset asset = load(context, options.file, {.levels = options.levels});
+  const Vec3d shift = given_shift(asset, options.shifted);
+  if (!rays.is_double() && shift != Vec3d{}) warn_of_coarse_rays(context, options.rays, asset, shift);
   check_exact_options(options.exact, exact, asset);
   if (options.cone && !asset.rbvh())
     throw Error(ErrorKind::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
@@ -66,7 +82,7 @@ void run_trace(Context& context, const TraceOptions& options) {
   file.write(npy_header(rays.rows(), kHitColumns));
   const RayStream stream = {.columns = rays.columns(),
                             .rows = rays.rows(),
-                            .read = [&](std::span<float> to) { return rays.read(to); },
+                            .read = [&](std::span<float> to) { return rays.read(to, shift); },
                             .write = [&](std::span<const float> hits) { file.write(std::as_bytes(hits)); }};
   const RayTableCounts counts = trace_stream(
       *tracer, stream, options.any ? RayQuery::kAny : RayQuery::kNearest, context.progress.callback());
@@ -98,10 +114,10 @@ void add_trace(CLI::App& app, Context& context) {
                               [&context, options] { run_trace(context, *options); });
   stage->add_option("FILE", options->file, "an .rbvh pair, a scan, a proxy or a scene (.json)")->required();
   stage
-      ->add_option(
-          "--rays", options->rays,
-          "N x 6 or N x 8 float32: origin, direction, [tmin, tmax] (-: standard input). Out come N x 8: t, "
-          "normal, u, v, leaf (-1: none), flags (1: back face, 2: triangle or disc)")
+      ->add_option("--rays", options->rays,
+                   "N x 6 or N x 8 float32 or float64: origin, direction, [tmin, tmax] (-: standard input). "
+                   "Out come N x 8: t, "
+                   "normal, u, v, leaf (-1: none), flags (1: back face, 2: triangle or disc)")
       ->required()
       ->type_name("FILE");
   stage->add_flag("--any", options->any, "any hit instead of the nearest: faster, for visibility");
@@ -110,6 +126,7 @@ void add_trace(CLI::App& app, Context& context) {
              "with --level auto: how wide rays are, full angle; each sees the coarsest level whose texels it "
              "covers");
   add_exact_options(*stage, options->exact);
+  add_coordinates_option(*stage, options->shifted);
   add_proxy_options(*stage, options->proxies, false);
 }
 

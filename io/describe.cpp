@@ -42,6 +42,12 @@ Json bounds_json(const Bounds3<T>& b) {
   return {{"lo", vec_json(b.lo)}, {"hi", vec_json(b.hi)}};
 }
 
+/// In the file's coordinates. Where nothing is shifted, floats stay as short as they are.
+Json bounds_json(const Bounds3f& b, const Vec3d& shift) {
+  if (b.empty() || shift == Vec3d{}) return bounds_json(b);
+  return bounds_json(Bounds3d{Vec3d(b.lo) + shift, Vec3d(b.hi) + shift});
+}
+
 std::uint64_t primitives_of(const RbvhSource& source) {
   return source.triangles > 0 ? source.triangles : source.vertices;
 }
@@ -88,7 +94,7 @@ Json level_json(const Level& level, const RbvhSource& source) {
                {"bytes_per_primitive", primitives == 0 ? Json(nullptr)
                                                        : Json(static_cast<double>(level.stored_bytes) /
                                                               static_cast<double>(primitives))},
-               {"bounds", bounds_json(level.bounds)},
+               {"bounds", bounds_json(level.bounds, source.shift)},
                {"layers", Json::array()},
                {"fidelity", nullptr}};
   for (const Layer& layer : level.layers) {
@@ -126,7 +132,7 @@ Json pair_json(const std::string& path, const LoadConfig& config) {
         {"area", source.area},
         {"units", source.units},
         {"shift", vec_json(source.shift)},
-        {"bounds", bounds_json(source.bounds)},
+        {"bounds", bounds_json(source.bounds, source.shift)},
         {"diagonal", static_cast<double>(source.bounds.diagonal())}}},
       {"build_options", Json::parse(rbvh.build_options)},
       {"levels", Json::array()}};
@@ -165,8 +171,8 @@ Json proxy_json(const std::string& path) {
                {"patches", proxy.quads.size()},
                {"texels", texels},
                {"longest_displacement", float_json(longest)},
-               {"base_bounds", bounds_json(base)},
-               {"bounds", bounds_json(surface_bounds(proxy))},
+               {"base_bounds", bounds_json(base, header.source.shift)},
+               {"bounds", bounds_json(surface_bounds(proxy), header.source.shift)},
                {"tiles", Json::array()}};
   for (const auto& [side, patches] : sides) json["tiles"].push_back({{"side", side}, {"patches", patches}});
   return json;
@@ -209,7 +215,7 @@ Json scene_json(const std::string& path, const LoadConfig& config) {
                        {"leaves", leaf_count(object)},
                        {"bytes", own_bytes},
                        {"instances", placed[i]},
-                       {"bounds", bounds_json(object.bounds)}});
+                       {"bounds", bounds_json(object.bounds, object.shift)}});
   }
   return {{"file", path},
           {"kind", "scene"},
@@ -217,7 +223,8 @@ Json scene_json(const std::string& path, const LoadConfig& config) {
           {"up", scene.z_is_up ? "+Z" : "+Y"},
           {"instances", scene.instances.size()},
           {"leaves", leaves},
-          {"bounds", bounds_json(asset.bounds)},
+          {"bounds", bounds_json(asset.bounds, scene.shift)},
+          {"shift", vec_json(scene.shift)},
           {"objects", std::move(objects)}};
 }
 
@@ -229,7 +236,7 @@ Json scan_json(const std::string& path, const LoadConfig& config) {
   std::uint64_t non_finite = 0;
   for (const Vec3d& p : scan.positions) {
     if (is_finite(p))
-      box.add(p);
+      box.add(p + scan.shift);
     else
       ++non_finite;
   }

@@ -175,6 +175,7 @@ std::string scene_text(const Json& json) {
                      counted(json["leaves"].get<std::uint64_t>(), "leaf") + ", " + bytes(json["bytes"]) +
                      " with all its files\n";
   text += "bounds   " + bounds_text(json["bounds"]) + ", up " + string(json["up"]) + "\n";
+  text += "shift    " + vec_text(json["shift"]) + "\n";
   for (const Json& object : json["objects"])
     text += fmt::format("{:<8} {} {}, {}, {}, placed {}\n", string(object["name"]), string(object["file"]),
                         object["level"].is_null() ? string(object["kind"]) : string(object["level"]),

@@ -51,8 +51,10 @@ LevelFilter wanted_levels(const std::string& path, const LoadConfig& config) {
 SceneObject load_proxy_object(const std::string& path, const LoadConfig& config) {
   check_budget(config.memory, bytes_to_read(path), path, "reading it");
   SceneObject object;
-  Proxy proxy = load_proxy(path);
+  ProxyHeader header;
+  Proxy proxy = load_proxy(path, &header);
   object.bounds = surface_bounds(proxy);
+  object.shift = header.source.shift;
   if (!config.tessellate) {
     object.content = std::move(proxy);
     return object;
@@ -61,7 +63,9 @@ SceneObject load_proxy_object(const std::string& path, const LoadConfig& config)
   for (const std::uint32_t level : uniform_levels(proxy, *config.tessellate))
     triangles += std::uint64_t{2} << 2 * level;
   check_budget(config.memory, triangles * kBytesPerTessellatedTriangle, path, "tessellating it");
-  object.content = tessellate(proxy, *config.tessellate);
+  Scan scan = tessellate(proxy, *config.tessellate);
+  scan.shift = object.shift;
+  object.content = std::move(scan);
   return object;
 }
 
@@ -81,12 +85,14 @@ SceneObject load_object(const SceneFile::Object& file, const LoadConfig& config,
     };
     Rbvh rbvh = load_pair(file.path, config.memory, nullptr, choose);
     object.bounds = rbvh.source.bounds;
+    object.shift = rbvh.source.shift;
     object.content = std::move(rbvh.levels.front());
   } else if (is_proxy(file.path)) {
     object = load_proxy_object(file.path, config);
   } else {
     Scan scan = load_scan(file.path, config.memory, progress);
     object.bounds = bounds(scan);
+    object.shift = scan.shift;
     object.content = std::move(scan);
   }
   object.name = file.name;
@@ -104,6 +110,7 @@ Scene load_scene(const std::string& path, const LoadConfig& config, const Progre
     scene.objects.push_back(load_object(object, config, progress));
   for (const SceneFile::Instance& instance : file.instances)
     scene.instances.push_back({static_cast<std::uint32_t>(instance.object), instance.to_world});
+  choose_frame(scene);
   return scene;
 }
 
@@ -156,6 +163,7 @@ Asset load_proxy_asset(const std::string& path, const LoadConfig& config) {
     return asset;
   }
   Scene scene;
+  scene.shift = object.shift;
   scene.objects.push_back(std::move(object));
   scene.instances.push_back({});
   return make_asset(std::move(scene));

@@ -143,7 +143,9 @@ struct Shape {
   std::uint64_t rows = 0, columns = 0;
   std::size_t data_at = 0;  ///< bytes before the values
 
-  std::uint64_t row_bytes() const { return columns * sizeof(float); }
+  std::size_t value_bytes = sizeof(float);
+
+  std::uint64_t row_bytes() const { return columns * value_bytes; }
 };
 
 /// From bytes that hold the header, or all there are.
@@ -165,14 +167,15 @@ Shape parse_shape(std::string_view bytes, const std::string& name, std::span<con
     throw refuse("has a header at byte " + std::to_string(header_at) +
                  " that is not a plain array's; save a 2-D float32 array with numpy.save");
 
-  if (header->descr != "<f4")
+  if (header->descr != "<f4" && header->descr != "<f8")
     throw refuse("has values of type '" + header->descr.substr(0, 16) +
-                 "'; '<f4' is wanted: save it with array.astype('<f4')");
+                 "'; '<f4' or '<f8' is wanted: save it with array.astype('<f4')");
   if (header->fortran_order) throw refuse("is in Fortran order; save it with numpy.ascontiguousarray(array)");
   if (header->shape.size() != 2 ||
       std::find(columns.begin(), columns.end(), header->shape[1]) == columns.end())
     throw refuse("has the shape " + shape_text(header->shape) + "; " + columns_text(columns) + " is wanted");
-  return {header->shape[0], header->shape[1], data_at};
+  return {header->shape[0], header->shape[1], data_at,
+          header->descr == "<f8" ? sizeof(double) : sizeof(float)};
 }
 
 /// Holds the rows against the bytes that there are for them.
@@ -197,15 +200,34 @@ std::size_t header_bytes(std::string_view start) {
 
 }  // namespace
 
-FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns) {
+namespace {
+
+/// Values as floats, less `shift` in each row's first three.
+void narrow(const char* from, std::size_t value_bytes, std::size_t columns, Vec3d shift,
+            std::span<float> to) {
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    double value = 0;
+    float single = 0;
+    std::memcpy(value_bytes == sizeof(double) ? static_cast<void*>(&value) : &single, from + i * value_bytes,
+                value_bytes);
+    if (value_bytes == sizeof(float)) value = static_cast<double>(single);
+    const std::size_t column = i % columns;
+    if (column < 3) value -= shift[static_cast<int>(column)];
+    to[i] = static_cast<float>(value);
+  }
+}
+
+}  // namespace
+
+FloatTable decode_npy(std::string_view bytes, const std::string& name, std::span<const std::size_t> columns,
+                      Vec3d shift) {
   const Shape shape = parse_shape(bytes, name, columns);
   check_length(shape, bytes.size() - shape.data_at, name);
   FloatTable table;
   table.rows = static_cast<std::size_t>(shape.rows);
   table.columns = static_cast<std::size_t>(shape.columns);
   table.values.resize(table.rows * table.columns);
-  if (!table.values.empty())
-    std::memcpy(table.values.data(), bytes.data() + shape.data_at, table.values.size() * sizeof(float));
+  narrow(bytes.data() + shape.data_at, shape.value_bytes, table.columns, shift, table.values);
   return table;
 }
 
@@ -225,29 +247,33 @@ NpyReader::NpyReader(const std::string& path, std::span<const std::size_t> colum
   rows_ = shape.rows;
   columns_ = static_cast<std::size_t>(shape.columns);
   data_at_ = shape.data_at;
+  value_bytes_ = shape.value_bytes;
 }
 
-std::size_t NpyReader::read(std::span<float> to) {
-  const Shape shape{rows_, columns_, data_at_};
+std::size_t NpyReader::read(std::span<float> to, Vec3d shift) {
+  const Shape shape{rows_, columns_, data_at_, value_bytes_};
   const std::uint64_t left = rows_ - bytes_read_ / shape.row_bytes();
   const auto rows = static_cast<std::size_t>(std::min<std::uint64_t>(to.size() / columns_, left));
-  const std::size_t got = input_.read(std::as_writable_bytes(to.first(rows * columns_)));
+  std::vector<char> wide(is_double() || shift != Vec3d{} ? rows * shape.row_bytes() : 0);
+  const std::size_t got = input_.read(wide.empty() ? std::as_writable_bytes(to.first(rows * columns_))
+                                                   : std::as_writable_bytes(std::span(wide)));
   bytes_read_ += got;
   if (got < rows * shape.row_bytes()) check_length(shape, bytes_read_, input_.name());
   std::byte more[1];
   if (rows == left && input_.read(more) > 0)
     check_length(shape, bytes_read_ + 1 + input_.skip(), input_.name());
+  if (!wide.empty()) narrow(wide.data(), value_bytes_, columns_, shift, to.first(rows * columns_));
   return rows;
 }
 
-FloatTable read_npy(const std::string& path, std::span<const std::size_t> columns) {
+FloatTable read_npy(const std::string& path, std::span<const std::size_t> columns, Vec3d shift) {
   const InputBytes bytes = read_input(path);
-  return decode_npy(bytes.view(), input_name(path), columns);
+  return decode_npy(bytes.view(), input_name(path), columns, shift);
 }
 
-std::vector<Vec3f> read_points(const std::string& path) {
+std::vector<Vec3f> read_points(const std::string& path, Vec3d shift) {
   static constexpr std::size_t kColumns[] = {3};
-  const FloatTable table = read_npy(path, kColumns);
+  const FloatTable table = read_npy(path, kColumns, shift);
   std::vector<Vec3f> points(table.rows);
   for (std::size_t i = 0; i < table.rows; ++i)
     points[i] = {table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]};
@@ -255,10 +281,10 @@ std::vector<Vec3f> read_points(const std::string& path) {
 }
 
 PointValues read_point_values(const std::string& points, const std::string& values,
-                              const MemoryBudget& memory) {
+                              const MemoryBudget& memory, Vec3d shift) {
   static constexpr std::size_t kColumns[] = {1, 2, 3, 4};
   for (const std::string& path : {points, values}) check_read_budget(memory, path);
-  PointValues read{read_points(points), read_npy(values, kColumns)};
+  PointValues read{read_points(points, shift), read_npy(values, kColumns)};
   if (read.values.rows != read.points.size())
     throw Error(ErrorKind::kInput, values,
                 "has " + std::to_string(read.values.rows) + " rows for the " +

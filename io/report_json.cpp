@@ -25,7 +25,8 @@ Json device_json(const DeviceInfo& info) {
 
 Json ingest_json(const IngestReport& counts, const Scan& scan, const std::vector<std::string>& inputs) {
   const CleanCounts& gone = counts.cleaned;
-  const Bounds3f box = bounds(scan);
+  const Bounds3f inner = bounds(scan);
+  const Bounds3d box{Vec3d(inner.lo) + scan.shift, Vec3d(inner.hi) + scan.shift};
   return {
       {"inputs", inputs},
       {"kind", scan.is_cloud() ? "cloud" : "mesh"},
@@ -45,6 +46,7 @@ Json ingest_json(const IngestReport& counts, const Scan& scan, const std::vector
           {"closing", gone.coincident.closing},
           {"sheets", gone.coincident.sheets}}},
         {"unreferenced_vertices", gone.unreferenced_vertices},
+        {"far", counts.far},
         {"outliers", counts.outliers},
         {"thinned", counts.thinned},
         {"small_components", counts.small_components.components},

@@ -169,6 +169,7 @@ std::vector<std::string> ingest_lines(const std::string& output, const IngestRep
                                            {gone.duplicate_faces, "duplicate face"},
                                            {gone.zero_area_faces, "zero-area face"},
                                            {gone.unreferenced_vertices, "unreferenced vertex"},
+                                           {counts.far, "far point"},
                                            {counts.outliers, "outlier"},
                                            {counts.thinned, "thinned point"},
                                            {counts.small_components.components, "small component"}});
@@ -178,6 +179,11 @@ std::vector<std::string> ingest_lines(const std::string& output, const IngestRep
         "coincident faces, wound both ways: {} removed (flaps without thickness), {} left with the face that "
         "closes the surface, {} with one (a sheet)",
         counted(gone.coincident.flaps, "pair"), gone.coincident.closing, gone.coincident.sheets));
+  if (counts.winding.opposite > 0)
+    lines.push_back(fmt::format(
+        "winding: {} of {} between faces that are wound opposite ways{}", counts.winding.opposite,
+        counted(counts.winding.edges, "edge"),
+        counts.winding.turned > 0 ? "; " + counted(counts.winding.turned, "face") + " turned" : ""));
   const std::string added = list_counts({{counts.cloud.normals_estimated, "normal"},
                                          {counts.cloud.normals_by_viewpoint, "viewpoint-facing normal"},
                                          {counts.mesh_normals_completed, "vertex normal"},

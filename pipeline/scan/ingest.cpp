@@ -6,6 +6,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/scan/normals.h"
 #include "pipeline/scan/outliers.h"
+#include "pipeline/scan/precision.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/thin.h"
 #include "pipeline/scan/vertex_normals.h"
@@ -69,9 +70,11 @@ Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, 
 
   report(progress, "clean", 0);
   const Vec3d old_shift = raw.shift;
+  if (config.remove_far) counts.far = drop_far(raw);
   Scan scan = shift_to_float(std::move(raw));
   check_usable(scan, file);
   counts.cleaned = clean(scan);
+  counts.cleaned.non_finite_vertices -= counts.far;
   const auto check_left = [&](const char* because) {
     if (scan.positions.empty() || (is_mesh && scan.triangles.empty()))
       throw Error(ErrorKind::kInput, file, because);
@@ -84,6 +87,7 @@ Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, 
   report(progress, "clean", 1);
 
   if (is_mesh) {
+    counts.winding = config.orient ? orient_faces(scan) : count_winding(scan);
     counts.mesh_normals_completed = complete_mesh_normals(scan);
   } else {
     if (config.recompute_normals) scan.normals.clear();

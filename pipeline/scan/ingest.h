@@ -9,6 +9,7 @@
 #include "pipeline/scan/clean.h"
 #include "pipeline/scan/complete_cloud.h"
 #include "pipeline/scan/components.h"
+#include "pipeline/scan/winding.h"
 #include "rbvh/progress.h"
 #include "rbvh/scan.h"
 
@@ -26,6 +27,8 @@ struct IngestConfig {
   double min_component = 0;    ///< > 0: remove components with less than this fraction of all faces (points)
   std::size_t normals_k = 16;  ///< neighbours from which a cloud's normals and radii are estimated
   bool recompute_normals = false;                 ///< of a cloud, also where the file has them
+  bool remove_far = false;                        ///< points far from all others; see count_far()
+  bool orient = false;                            ///< turn a mesh's faces so that neighbours agree
   bool flip_normals = false;                      ///< reverse all normals, and the winding of a mesh's faces
   std::optional<Vec3d> viewpoint = std::nullopt;  ///< where the sensor stood, in the coordinates of the input
 };
@@ -34,7 +37,8 @@ struct IngestConfig {
 struct IngestReport {
   std::size_t vertices_in = 0, faces_in = 0;
   CleanCounts cleaned;
-  std::size_t outliers = 0, thinned = 0;
+  std::size_t far = 0, outliers = 0, thinned = 0;
+  WindingCounts winding;
   ComponentCounts small_components;
   CloudCounts cloud;
   std::size_t mesh_normals_completed = 0;

@@ -2,6 +2,9 @@
 
 #include <utility>
 
+#include "pipeline/scan/float_shift.h"
+#include "pipeline/scan/precision.h"
+
 namespace rbvh {
 namespace {
 
@@ -17,6 +20,20 @@ double shift_grain(double diagonal) {
 
 }  // namespace
 
+Vec3d float_shift(const Bounds3d& box) {
+  Vec3d shift{};
+  if (box.empty()) return shift;
+  const double diagonal = box.diagonal();
+  double largest = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    largest = std::max({largest, std::abs(box.lo[axis]), std::abs(box.hi[axis])});
+  if (!(diagonal > 0) || !(largest > kShiftDiagonals * diagonal)) return shift;
+  const double grain = shift_grain(diagonal);
+  const Vec3d centre = box.center();
+  for (int axis = 0; axis < 3; ++axis) shift[axis] = std::round(centre[axis] / grain) * grain;
+  return shift;
+}
+
 Bounds3f bounds(const Scan& scan) {
   Bounds3f box;
   for (const Vec3f& p : scan.positions)
@@ -25,21 +42,7 @@ Bounds3f bounds(const Scan& scan) {
 }
 
 Scan shift_to_float(RawScan&& raw) {
-  Bounds3d box;
-  for (const Vec3d& p : raw.positions)
-    if (is_finite(p)) box.add(p);
-  Vec3d shift{};
-  if (!box.empty()) {
-    const double diagonal = box.diagonal();
-    double largest = 0;
-    for (int axis = 0; axis < 3; ++axis)
-      largest = std::max({largest, std::abs(box.lo[axis]), std::abs(box.hi[axis])});
-    if (diagonal > 0 && largest > kShiftDiagonals * diagonal) {
-      const double grain = shift_grain(diagonal);
-      const Vec3d centre = box.center();
-      for (int axis = 0; axis < 3; ++axis) shift[axis] = std::round(centre[axis] / grain) * grain;
-    }
-  }
+  const Vec3d shift = float_shift(near_bounds(raw.positions));
 
   Scan scan;
   scan.positions.resize(raw.positions.size());

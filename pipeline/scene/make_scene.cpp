@@ -2,6 +2,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/scene/asset_content.h"
+#include "rbvh/frame.h"
 #include "rbvh/scene.h"
 
 namespace rbvh {
@@ -17,6 +18,7 @@ SceneObject object_of(const PlacedAsset& placed) {
   SceneObject object;
   object.name = asset.name;
   object.bounds = asset.bounds;
+  object.shift = shift(asset);
   if (const Rbvh* rbvh = asset.rbvh()) {
     const Level* level = rbvh->find_level(placed.level);
     if (level == nullptr)
@@ -44,6 +46,7 @@ Asset make_scene(std::span<const PlacedAsset> placed, bool z_is_up) {
     scene.objects.push_back(object_of(each));
     scene.instances.push_back(instance);
   }
+  choose_frame(scene);
   return make_asset(std::move(scene));
 }
 

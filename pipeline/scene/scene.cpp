@@ -2,6 +2,7 @@
 
 #include "kernels/common/layout.h"
 #include "pipeline/base/error.h"
+#include "pipeline/scan/float_shift.h"
 
 namespace rbvh {
 
@@ -21,6 +22,24 @@ std::vector<std::uint32_t> first_leaves(const Scene& scene) {
     first.push_back(static_cast<std::uint32_t>(next));
   }
   return first;
+}
+
+void choose_frame(Scene& scene) {
+  Bounds3d all;
+  bool shifted = false;
+  for (const SceneInstance& instance : scene.instances) {
+    const SceneObject& object = scene.objects[instance.object];
+    shifted |= object.shift != Vec3d{};
+    if (!object.bounds.empty())
+      all.add(transformed(instance.to_world,
+                          {Vec3d(object.bounds.lo) + object.shift, Vec3d(object.bounds.hi) + object.shift}));
+  }
+  if (!shifted) return;
+  scene.shift = float_shift(all);
+  for (SceneInstance& instance : scene.instances) {
+    const Vec3d move = instance.to_world.vector(scene.objects[instance.object].shift) - scene.shift;
+    for (std::size_t row = 0; row < 3; ++row) instance.to_world.m[4 * row + 3] += move[static_cast<int>(row)];
+  }
 }
 
 Bounds3f bounds(const Scene& scene) {

@@ -17,6 +17,7 @@ struct SceneObject {
   std::string name;
   std::variant<Scan, Level, Proxy> content;  ///< a cloud has normals and radii
   Bounds3f bounds;                           ///< in its own space
+  Vec3d shift{};                             ///< its file's coordinates are its own + shift
   const Scan* scan() const { return std::get_if<Scan>(&content); }
   const Level* level() const { return std::get_if<Level>(&content); }
   const Proxy* proxy() const { return std::get_if<Proxy>(&content); }
@@ -31,7 +32,12 @@ struct Scene {
   std::vector<SceneObject> objects;
   std::vector<SceneInstance> instances;
   bool z_is_up = false;
+  Vec3d shift{};  ///< the coordinates that the scene states are these + shift
 };
+
+/// Chooses the frame common to all objects and moves the instances, which the scene states for their files'
+/// coordinates, into it. Where no object is shifted, nothing is.
+void choose_frame(Scene& scene);
 
 /// Primitives, tiles or patches.
 std::size_t leaf_count(const SceneObject& object);

@@ -78,7 +78,8 @@ TEST(Npy, ReadsOtherSpellings) {
 }
 
 TEST(Npy, RefusesOtherArrays) {
-  expect_refused(make_npy(dict("(1, 6)", "<f8"), 12), "astype('<f4')");
+  EXPECT_EQ(decode_npy(make_npy(dict("(1, 6)", "<f8"), 12), "", kRays).rows, 1u);
+  expect_refused(make_npy(dict("(1, 6)", "<i4"), 6), "astype('<f4')");
   expect_refused(make_npy(dict("(1, 6)", ">f4"), 6), "'>f4'");
   expect_refused(make_npy(dict("(1, 6)", "<f4", "True"), 6), "ascontiguousarray");
   expect_refused(make_npy(dict("(2, 5)"), 10), "(2, 5); (N, 6) or (N, 8)");
