@@ -15,6 +15,7 @@
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
+#include "pipeline/rbvh/snap_primitives.h"
 #include "pipeline/scan/simplify.h"
 
 namespace rbvh {
@@ -36,8 +37,6 @@ float checked_area(const BuildConfig& config, float own_area) {
   return area;
 }
 
-/// The lattice's step to the level's error: rounding adds little to it.
-constexpr float kLatticeStep = 0.25f;
 /// A float keeps whole numbers up to 2^24: finer lattices do not hold what they promise.
 constexpr float kFinestStep = 1.0f / (1 << 22);
 
@@ -103,6 +102,7 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
     if (rule.error > 0 && !scan.is_cloud()) {
       Stopwatch watch;
       own.simplified = simplify(*finer, rule.error);
+      widen_thin_parts(own.simplified, lattice_of(rule.error, box));
       own.time.simplify = watch.lap();
       finer = &own.simplified;
     }

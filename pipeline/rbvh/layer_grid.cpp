@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "pipeline/rbvh/leaf_primitives.h"
+#include "pipeline/scan/closest_point.h"
 
 namespace rbvh {
 namespace {

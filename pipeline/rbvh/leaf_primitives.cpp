@@ -1,6 +1,7 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 
 #include "pipeline/rbvh/leaf_rounding.h"
+#include "pipeline/scan/closest_point.h"
 
 #include <algorithm>
 #include <cmath>
@@ -92,33 +93,6 @@ RbvhPrimitive primitive_shape(const Scan& primitives, std::uint32_t primitive) {
 
 Bounds3f primitive_bounds(const Scan& primitives, std::uint32_t primitive) {
   return snapped_bounds({}, primitives, primitive);
-}
-
-// Ericson, Real-Time Collision Detection, 5.1.5.
-std::array<float, 3> nearest_weights(Vec3f p, Vec3f a, Vec3f b, Vec3f c) {
-  const Vec3f ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
-  const float d1 = dot(ab, ap), d2 = dot(ac, ap), d3 = dot(ab, bp), d4 = dot(ac, bp), d5 = dot(ab, cp),
-              d6 = dot(ac, cp);
-  const auto on_edge = [](float from, float to) { return from + to > 0 ? from / (from + to) : 0.0f; };
-  if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
-  if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
-  if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
-  const float va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) {
-    const float w = on_edge(d1, -d3);
-    return {1 - w, w, 0};
-  }
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) {
-    const float w = on_edge(d2, -d6);
-    return {1 - w, 0, w};
-  }
-  if (va <= 0 && d4 >= d3 && d5 >= d6) {
-    const float w = on_edge(d4 - d3, d5 - d6);
-    return {0, 1 - w, w};
-  }
-  const float sum = va + vb + vc;
-  if (!(sum > 0)) return {1, 0, 0};
-  return {va / sum, vb / sum, vc / sum};
 }
 
 std::int32_t lattice_number(const Lattice& lattice, Vec3f p, int axis) {

@@ -40,9 +40,6 @@ Vec3f snapped(const Lattice& lattice, Vec3f p);
 /// Of a primitive whose positions are moved to the lattice.
 Bounds3f snapped_bounds(const Lattice& lattice, const Scan& primitives, std::uint32_t primitive);
 
-/// The weights of a, b, c at the point of their triangle nearest to p.
-std::array<float, 3> nearest_weights(Vec3f p, Vec3f a, Vec3f b, Vec3f c);
-
 /// The point of a leaf's primitives nearest to `point`: which of the leaf's it lies on, and the weights there
 /// of the three corners (of a disc: the first).
 struct PrimitivePoint {

@@ -1,22 +1,27 @@
 #include "pipeline/rbvh/snap_primitives.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstdlib>
+#include <map>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/coincident.h"
+#include "pipeline/scan/open_vertices.h"
+#include "pipeline/scan/simplify.h"
 
 namespace rbvh {
 namespace {
 
 constexpr std::size_t kGrain = 1 << 14;
 constexpr std::uint32_t kNone = 0xffffffffu;
-/// The cosine between normals of vertices that are one, and, of 255, the difference between their colours.
-constexpr float kAlikeNormal = 0.99f;
+/// Of 255: the largest difference between colours of vertices that are one.
 constexpr int kSameColor = 32;
 
 std::uint64_t hash_of(Vec3f p) {
@@ -51,7 +56,115 @@ std::vector<std::uint32_t> first_at_place(const RefinedLevel& level, const Scan&
   return first;
 }
 
+using Cell = std::array<std::int32_t, 3>;
+/// Of one object: two places, the smaller first; a place twice.
+using ThinEdge = std::tuple<std::int32_t, Cell, Cell>;
+
+/// Where two corners of a triangle come to lie, which have one place or two.
+class ThinParts {
+ public:
+  ThinParts(Scan& scan, const Lattice& lattice) : scan_(scan), lattice_(lattice) {}
+
+  void widen() {
+    std::vector<std::uint8_t> is_thin(scan_.triangles.size());
+    parallel_for(is_thin.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) is_thin[i] = has_area(cells_of(i)) ? 0 : 1;
+    });
+    for (std::uint32_t i = 0; i < is_thin.size(); ++i) {
+      if (is_thin[i] == 0) continue;
+      const ThinEdge edge = edge_of(i);
+      edges_.try_emplace(edge, i);
+      for (const Cell& cell : {std::get<1>(edge), std::get<2>(edge)}) has_thin_[slot(cell)] = true;
+    }
+    if (edges_.empty()) return;
+    for (std::uint32_t i = 0; i < is_thin.size(); ++i)
+      if (is_thin[i] == 0) pass_over(i);
+    if (edges_.empty()) return;
+    std::vector<std::uint32_t> waiting;
+    for (const auto& [edge, i] : edges_) waiting.push_back(i);
+    std::sort(waiting.begin(), waiting.end());
+    is_open_ = open_vertices(scan_.positions.size(), scan_.triangles);
+    for (const std::uint32_t i : waiting)
+      if (!has_area(cells_of(i))) widen(i);
+  }
+
+ private:
+  std::array<Cell, 3> cells_of(std::size_t i) const {
+    std::array<Cell, 3> cells;
+    for (std::size_t c = 0; c < 3; ++c)
+      for (int axis = 0; axis < 3; ++axis)
+        cells[c][static_cast<std::size_t>(axis)] =
+            lattice_number(lattice_, scan_.positions[scan_.triangles[i][c]], axis);
+    return cells;
+  }
+  static bool has_area(const std::array<Cell, 3>& c) {
+    const auto side = [&](std::size_t to) {
+      return Vec3d{static_cast<double>(c[to][0]) - c[0][0], static_cast<double>(c[to][1]) - c[0][1],
+                   static_cast<double>(c[to][2]) - c[0][2]};
+    };
+    return cross(side(1), side(2)) != Vec3d{};
+  }
+  std::int32_t object(std::size_t i) const { return scan_.object_ids.empty() ? 0 : scan_.object_ids[i]; }
+
+  ThinEdge edge_of(std::size_t i) const {
+    const auto [a, b, c] = cells_of(i);
+    return {object(i), std::min({a, b, c}), std::max({a, b, c})};
+  }
+  static std::size_t slot(const Cell& cell) {
+    std::uint32_t hash = 0;
+    for (const std::int32_t number : cell) hash = (hash ^ static_cast<std::uint32_t>(number)) * 0x9e3779b1u;
+    return hash >> 16;
+  }
+
+  /// A triangle that stays: its edges are there.
+  void pass_over(std::size_t i) {
+    const std::array<Cell, 3> cells = cells_of(i);
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!has_thin_[slot(cells[c])]) continue;
+      const Cell &from = cells[c], &to = cells[(c + 1) % 3];
+      edges_.erase({object(i), from, from});
+      edges_.erase({object(i), std::min(from, to), std::max(from, to)});
+      used_.insert(from);
+    }
+  }
+
+  /// Moves corners that share a cell apart, along axes across the triangle's longest extent.
+  void widen(std::size_t i) {
+    const Triangle& t = scan_.triangles[i];
+    Vec3f extent;
+    for (int axis = 0; axis < 3; ++axis)
+      extent[axis] = std::max({std::abs(scan_.positions[t[1]][axis] - scan_.positions[t[0]][axis]),
+                               std::abs(scan_.positions[t[2]][axis] - scan_.positions[t[1]][axis])});
+    std::array<int, 3> axes = {0, 1, 2};
+    std::stable_sort(axes.begin(), axes.end(), [&](int a, int b) { return extent[a] < extent[b]; });
+    const std::array<Cell, 3> cells = cells_of(i);
+    // A vertex where the surface is open may have another beside it, which would stay.
+    const bool is_alone =
+        std::none_of(cells.begin(), cells.end(), [&](const Cell& cell) { return used_.contains(cell); });
+    std::size_t moved = 0;
+    for (std::size_t c = 1; c < 3; ++c) {
+      if (is_open_[t[c]] && !is_alone) continue;
+      if (cells[c] != cells[0] && (c == 1 || (moved > 0 && cells[2] != cells[1]))) continue;
+      Vec3f& p = scan_.positions[t[c]];
+      const int axis = axes[moved++];
+      p[axis] = lattice_place(lattice_, cells[c][static_cast<std::size_t>(axis)] + 1, axis);
+    }
+  }
+
+  Scan& scan_;
+  const Lattice& lattice_;
+  std::map<ThinEdge, std::uint32_t> edges_;  ///< with the first of their triangles
+  std::vector<bool> has_thin_ =
+      std::vector<bool>(1 << 16);  ///< of hashes of cells, whether any is an end of them
+  std::set<Cell> used_;            ///< of these cells: those that triangles with area use
+  std::vector<bool> is_open_;
+};
+
 }  // namespace
+
+void widen_thin_parts(Scan& scan, const Lattice& lattice) {
+  if (lattice.step > 0 && !scan.is_cloud()) ThinParts(scan, lattice).widen();
+}
 
 PrimitiveVertices::PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice,
                                      std::span<const std::uint32_t> first_at_place, Scan& to)
@@ -110,7 +223,7 @@ std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan,
     }
   CoincidentCounts counts;
   const std::vector<FaceFate> fates =
-      settle_coincident(triangles, scan.positions, objects, kLargestFold * bounds(scan).diagonal(), counts);
+      settle_coincident(triangles, scan.positions, objects, kLargestFold * lattice.step, counts);
   for (std::size_t k = 0; k < fates.size(); ++k)
     if (fates[k] == FaceFate::kGoes || fates[k] == FaceFate::kSheetsBack) stays[numbers[k]] = 0;
   std::size_t left = 0;

@@ -14,6 +14,10 @@ namespace rbvh {
 /// Normals of vertices closer to those of their triangles (cosine of 20 degrees) are not stored.
 inline constexpr float kSameNormal = 0.94f;
 
+/// Keeps parts that are thinner than the lattice, such as wires: where rounding would leave no area to all
+/// triangles at an edge or in a cell, moves a vertex or two of one of them by a step.
+void widen_thin_parts(Scan& scan, const Lattice& lattice);
+
 /// Where there is a lattice, takes triangles out of the leaves that hold these: those of which the lattice
 /// leaves no area, and those that settle_coincident() takes there, flaps as large as at ingest. Leaves that
 /// are left empty go, but for the last. Returns for each vertex that is held the first at its place on the

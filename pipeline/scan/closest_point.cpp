@@ -12,28 +12,37 @@ namespace {
 constexpr std::uint32_t kLeafTriangles = 4;
 constexpr int kDiscCorners = 8;
 
-// Ericson, Real-Time Collision Detection, 5.1.5.
-Vec3f closest_on_triangle(Vec3f p, Vec3f a, Vec3f b, Vec3f c) {
-  const Vec3f ab = b - a, ac = c - a, ap = p - a;
-  const float d1 = dot(ab, ap), d2 = dot(ac, ap);
-  if (d1 <= 0 && d2 <= 0) return a;
-  const Vec3f bp = p - b;
-  const float d3 = dot(ab, bp), d4 = dot(ac, bp);
-  if (d3 >= 0 && d4 <= d3) return b;
-  const float vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return a + ab * (d1 / (d1 - d3));
-  const Vec3f cp = p - c;
-  const float d5 = dot(ab, cp), d6 = dot(ac, cp);
-  if (d6 >= 0 && d5 <= d6) return c;
-  const float vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + ac * (d2 / (d2 - d6));
-  const float va = d3 * d6 - d5 * d4;
-  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-  const float scale = 1 / (va + vb + vc);
-  return a + ab * (vb * scale) + ac * (vc * scale);
-}
-
 }  // namespace
+
+// Ericson, Real-Time Collision Detection, 5.1.5. In doubles: products of dot products cancel in slivers.
+std::array<float, 3> nearest_weights(Vec3f p, Vec3f a, Vec3f b, Vec3f c) {
+  const auto from_p = [p](Vec3f at) { return static_cast<Vec3d>(at) - static_cast<Vec3d>(p); };
+  const Vec3d pa = from_p(a), pb = from_p(b), pc = from_p(c), ab = pb - pa, ac = pc - pa;
+  const double d1 = -dot(ab, pa), d2 = -dot(ac, pa), d3 = -dot(ab, pb), d4 = -dot(ac, pb), d5 = -dot(ab, pc),
+               d6 = -dot(ac, pc);
+  const auto on_edge = [](double from, double to) {
+    return from + to > 0 ? static_cast<float>(from / (from + to)) : 0.0f;
+  };
+  if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
+  if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
+  if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
+  const double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) {
+    const float w = on_edge(d1, -d3);
+    return {1 - w, w, 0};
+  }
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) {
+    const float w = on_edge(d2, -d6);
+    return {1 - w, 0, w};
+  }
+  if (va <= 0 && d4 >= d3 && d5 >= d6) {
+    const float w = on_edge(d4 - d3, d5 - d6);
+    return {0, 1 - w, w};
+  }
+  const double sum = va + vb + vc;
+  if (!(sum > 0)) return {1, 0, 0};
+  return {static_cast<float>(va / sum), static_cast<float>(vb / sum), static_cast<float>(vc / sum)};
+}
 
 void add_triangle(TriangleSoup& soup, Vec3f a, Vec3f b, Vec3f c) {
   soup.push_back(a);
@@ -122,7 +131,8 @@ ClosestPoint::Nearest ClosestPoint::find(Vec3f point) const {
     }
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
       const Vec3f* t = &triangles_[std::size_t{i} * 3];
-      const Vec3f q = closest_on_triangle(point, t[0], t[1], t[2]), d = point - q;
+      const std::array<float, 3> w = nearest_weights(point, t[0], t[1], t[2]);
+      const Vec3f q = t[0] * w[0] + t[1] * w[1] + t[2] * w[2], d = point - q;
       if (!(dot(d, d) < best)) continue;
       best = dot(d, d);
       nearest.triangle = order_[i];

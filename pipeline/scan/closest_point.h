@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -27,6 +28,9 @@ inline float squared_distance(const Bounds3f& box, Vec3f p) {
                 std::max({box.lo.z - p.z, 0.f, p.z - box.hi.z})};
   return dot(d, d);
 }
+
+/// The weights of a, b, c at the point of their triangle nearest to p.
+std::array<float, 3> nearest_weights(Vec3f p, Vec3f a, Vec3f b, Vec3f c);
 
 /// Answers "how far is the nearest point of the surface".
 class ClosestPoint {

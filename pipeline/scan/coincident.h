@@ -38,7 +38,7 @@ std::vector<FaceFate> settle_coincident(const std::vector<Triangle>& triangles,
 
 /// Of the diagonal: `largest_flap` where nothing else is asked for. What leaks and walls are, too.
 inline constexpr float kLargestFlap = 0.01f;
-/// The same for folds of a simplified mesh, whose triangles are larger.
-inline constexpr float kLargestFold = 0.05f;
+/// The same for levels, to their lattice's step: what rounding folds.
+inline constexpr float kLargestFold = 16;
 
 }  // namespace rbvh

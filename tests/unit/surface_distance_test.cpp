@@ -25,6 +25,14 @@ TEST(SurfaceDistance, ToEveryPartOfATriangle) {
   EXPECT_TRUE(std::isinf(ClosestPoint(TriangleSoup{}).distance({0, 0, 0})));
 }
 
+TEST(SurfaceDistance, ToSlivers) {
+  for (const float thin : {1e-2f, 1e-4f, 1e-6f}) {
+    const ClosestPoint sliver(TriangleSoup{{0.5f, 0.17505f, -thin}, {0.5f, 0.5f, thin}, {0.5f, -0.5f, thin}});
+    EXPECT_LT(sliver.distance({0.5f, 0.075f, 0.2f * thin}), 1e-3f * thin + 3e-7f) << thin;
+    EXPECT_NEAR(sliver.distance({0.6f, 0.075f, 0.2f * thin}), 0.1f, 1e-6f) << thin;
+  }
+}
+
 TEST(SurfaceDistance, TheTreeFindsWhatASearchOfAllFinds) {
   std::mt19937 random(7);
   std::uniform_real_distribution<float> place(-1, 1), size(-0.1f, 0.1f);
