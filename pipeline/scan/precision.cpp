@@ -9,7 +9,7 @@
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kSample = 8191, kFewest = 32;
+constexpr std::size_t kSample = 8191, kFewest = 8;
 /// The rest of a scan lies within this many interquartile ranges of its middle.
 constexpr double kNearRanges = 100;
 
@@ -17,9 +17,9 @@ constexpr double kNearRanges = 100;
 
 std::optional<Spread> spread_of(std::span<const Vec3d> positions) {
   const std::size_t step = std::max<std::size_t>(1, positions.size() / kSample);
-  std::vector<Vec3d> sample;
+  std::vector<Vec3d> sample;  // without 0 0 0, by which scanners say that there is no point
   for (std::size_t i = 0; i < positions.size(); i += step)
-    if (is_finite(positions[i])) sample.push_back(positions[i]);
+    if (is_finite(positions[i]) && positions[i] != Vec3d{}) sample.push_back(positions[i]);
   if (sample.size() < kFewest) return std::nullopt;
   Spread spread;
   Vec3d range;

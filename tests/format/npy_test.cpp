@@ -77,6 +77,20 @@ TEST(Npy, ReadsOtherSpellings) {
   EXPECT_EQ(decode_npy(make_npy(dict("(0, 8)"), 0), "", kRays).rows, 0u);
 }
 
+TEST(Npy, DoublesAreNarrowedLessTheShift) {
+  std::string bytes = make_npy(dict("(2, 6)", "<f8"), 0);
+  for (int i = 0; i < 12; ++i) {
+    const double value = 5432871.0001 + i;
+    bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+  }
+  const FloatTable table = decode_npy(bytes, "", kRays, {5432871, 5432871, 5432870});
+  EXPECT_NEAR(table.values[0], 0.0001f, 1e-6f);
+  EXPECT_NEAR(table.values[8], 9.0001f, 1e-5f);
+  EXPECT_EQ(table.values[3], 5432874.0f);
+  bytes.pop_back();
+  expect_refused(bytes, "");
+}
+
 TEST(Npy, RefusesOtherArrays) {
   EXPECT_EQ(decode_npy(make_npy(dict("(1, 6)", "<f8"), 12), "", kRays).rows, 1u);
   expect_refused(make_npy(dict("(1, 6)", "<i4"), 6), "astype('<f4')");

@@ -1,9 +1,6 @@
-// Points far from all others, coordinates rounded to float, and faces wound opposite ways.
+// Points far from all others, and coordinates rounded to float.
 #include "pipeline/scan/precision.h"
 
-#include <random>
-
-#include "pipeline/scan/winding.h"
 #include "tests/scan_bytes.h"
 
 namespace rbvh {
@@ -40,6 +37,16 @@ TEST(Precision, StrayPointsCostTheOthersNothing) {
     }
 }
 
+TEST(Precision, ZerosMayBeMostPoints) {
+  const RawScan near = grid({458123.25, 5432871.5, 431.2});
+  RawScan raw = near;
+  raw.positions.resize(4 * near.positions.size());
+  EXPECT_EQ(count_far(raw.positions), 3 * near.positions.size());
+  const Scan scan = shift_to_float(std::move(raw));
+  for (std::size_t i = 0; i < near.positions.size(); ++i)
+    EXPECT_LT(length(Vec3d(scan.positions[i]) + scan.shift - near.positions[i]), 1e-6);
+}
+
 TEST(Precision, FarPointsAreNamedAndRemoved) {
   RawScan scan = grid({458123, 5432871, 431});
   EXPECT_EQ(count_far(scan.positions), 0u);
@@ -64,39 +71,6 @@ TEST(Precision, FloatsCoarserThanTheirSpacingAreNamed) {
   RawScan whole;
   for (int i = 0; i < 900; ++i) whole.positions.push_back({4e7 + 4 * (i % 30), 4e7 + 4 * (i / 30), 0});
   EXPECT_TRUE(precision_notes(whole).empty());
-}
-
-TEST(Winding, RandomlyTurnedFacesAreTurnedBack) {
-  Scan cube;
-  for (unsigned i = 0; i < 8; ++i)
-    cube.positions.push_back(
-        {static_cast<float>(i & 1), static_cast<float>(i >> 1 & 1), static_cast<float>(i >> 2)});
-  cube.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  EXPECT_EQ(count_winding(cube).edges, 18u);
-  EXPECT_EQ(count_winding(cube).opposite, 0u);
-  for (std::uint32_t seed = 0; seed < 50; ++seed) {
-    SCOPED_TRACE(seed);
-    std::mt19937 random(seed);
-    Scan turned = cube;
-    std::size_t count = 0;
-    for (Triangle& t : turned.triangles)
-      if (random() % 2) {
-        std::swap(t[1], t[2]);
-        ++count;
-      }
-    // Two copies: parts are oriented each by itself.
-    Scan all = turned;
-    for (const Vec3f& p : cube.positions) all.positions.push_back(p + Vec3f{5, 0, 0});
-    for (const Triangle& t : cube.triangles) all.triangles.push_back({t[0] + 8, t[2] + 8, t[1] + 8});
-    EXPECT_EQ(orient_faces(all).turned, count + 12);
-    EXPECT_EQ(count_winding(all).opposite, 0u);
-    for (std::size_t f = 0; f < 12; ++f) {
-      std::array<Triangle, 2> pair = {all.triangles[f], cube.triangles[f]};
-      for (Triangle& t : pair) std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
-      EXPECT_EQ(pair[0], pair[1]);
-    }
-  }
 }
 
 }  // namespace
