@@ -66,6 +66,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_trace(app, context);
   add_paint(app, context);
   add_sample(app, context);
+  add_bake(app, context);
   add_info(app, context);
   add_validate(app, context);
   add_devices(app, context);

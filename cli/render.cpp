@@ -8,6 +8,7 @@
 #include "cli/common.h"
 #include "cli/exact_options.h"
 #include "cli/layer_options.h"
+#include "cli/light_options.h"
 #include "cli/stages.h"
 #include "io/cameras_file.h"
 #include "io/image.h"
@@ -15,6 +16,7 @@
 #include "io/output_file.h"
 #include "io/report_json.h"
 #include "pipeline/device/open_meanwhile.h"
+#include "pipeline/light/bake_layer.h"
 #include "pipeline/measure/difference.h"
 #include "pipeline/render/pixels.h"
 #include "pipeline/render/shade.h"
@@ -33,12 +35,15 @@ struct RenderOptions {
   int samples = 0;          // 0: the AOV's default
   ProxyCastOptions proxies;
   bool shifted = false;
+  LightOptions light;
 };
 
 Aov parse_aov(std::string_view text) {
   if (const auto aov = find_aov(text)) return *aov;
-  throw Error(ErrorKind::kUsage, "",
-              "'" + std::string(text) + "' is none of shaded, normal, depth, position, leaf, steps");
+  throw Error(
+      ErrorKind::kUsage, "",
+      "'" + std::string(text) +
+          "' is none of shaded, normal, depth, position, leaf, steps, ao, albedo, shadow, direct, indirect");
 }
 
 // Two tracers with a comma between.
@@ -51,7 +56,7 @@ std::vector<ExactTraversal> parse_compared(std::string_view text) {
   return tracers;
 }
 
-int parse_samples(std::string_view text) { return parse_positive_up_to(text, 256); }
+int parse_samples(std::string_view text) { return parse_positive_up_to(text, 1 << 20); }
 
 // What 8-bit formats would have to show.
 Image::Kind kind_of(Aov aov) {
@@ -59,15 +64,17 @@ Image::Kind kind_of(Aov aov) {
 }
 
 // Options that the pictures asked for have no use for.
-void check_use(const RenderOptions& options) {
-  if (options.aov != Aov::kShaded && (options.samples > 0 || !options.color_layer.empty()))
-    throw Error(ErrorKind::kUsage, "", "--samples and --color-layer are for shaded pictures");
+void check_use(RenderOptions& options) {
+  if (options.aov != Aov::kShaded && !is_of_light(options.aov) &&
+      (options.samples > 0 || !options.color_layer.empty() || !options.light.words.light.empty()))
+    throw Error(ErrorKind::kUsage, "",
+                "--samples, --light and --color-layer are for shaded and lit pictures");
   check_proxy_options(options.proxies, options.files);
 }
 
 class Renderer {
  public:
-  Renderer(Context& context, const RenderOptions& options) : context_(context), options_(options) {}
+  Renderer(Context& context, RenderOptions& options) : context_(context), options_(options) {}
 
   void run() {
     if (options_.compared.empty()) configs_ = {exact_config(options_.exact)};
@@ -83,6 +90,7 @@ class Renderer {
     check_names_differ(names_, options_.files, levels.size() > 1 || (!levels.empty() && levels[0] == "all"),
                        words_.size() > 1 || options_.camera.turntable > 1);
     check_use(options_);
+    prepare_light(options_.light, is_of_light(options_.aov));
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
     check_budget(context_.memory, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
@@ -97,8 +105,10 @@ class Renderer {
 
   void render_file(const std::string& path) {
     context_.phase_watch.lap();
-    const Asset asset =
-        load(context_, path, {.tessellate = options_.proxies.tessellate, .levels = options_.levels});
+    const Asset asset = load(
+        context_, path,
+        {.tessellate = options_.proxies.tessellate,
+         .levels = options_.light.bounce_level.empty() ? options_.levels : std::vector<std::string>{"all"}});
     if (!asset.scan() && !options_.compared.empty())
       throw Error(ErrorKind::kUsage, path,
                   std::string("--compare is for scans; this is a ") + (asset.rbvh() ? "pair" : "scene"));
@@ -178,12 +188,55 @@ class Renderer {
     config.as_shown = options_.aov != Aov::kShaded &&
                       image_format(names_.text(), kind_of(options_.aov)) != ImageFormat::kExr;
     if (!options_.color_layer.empty()) config.colors = layer_colors(asset, level, options_.color_layer);
-    Image image = render(tracer, camera, config, &timings_);
+    const LightOptions& light = options_.light;
+    Image image = !light.cached.empty()        ? by_layer(asset, level, tracer, camera, config)
+                  : !light.words.light.empty() ? by_paths(asset, level, tracer, camera, config)
+                                               : render(tracer, camera, config, &timings_);
     if (shows_nothing(image))
       warn(context_, asset.path + ": nothing is in view; the object's bounds and shift are in rbvh info");
     if (options_.aov == Aov::kPosition && !config.as_shown)
       add_to_pixels(image, static_cast<Vec3f>(given_shift(asset, options_.shifted)));
     return image;
+  }
+
+  Image by_layer(const Asset& asset, const std::string& level, const Tracer& tracer, const Camera& camera,
+                 const RenderConfig& shown) {
+    const Level* lit = asset.rbvh() ? asset.rbvh()->find_level(level) : nullptr;
+    Image picture =
+        render_cached(tracer, baked_layer(asset, lit, options_.light.cached), camera, shown.width,
+                      shown.height, shown.samples > 0 ? shown.samples : kShadedSamples, &timings_);
+    if (!options_.light.linear) apply_filmic_curve(picture);
+    return picture;
+  }
+
+  Image by_paths(const Asset& asset, const std::string& level, const Tracer& tracer, const Camera& camera,
+                 const RenderConfig& shown) {
+    const LightOptions& light = options_.light;
+    std::unique_ptr<Tracer> coarse;
+    if (asset.rbvh() && !light.bounce_level.empty())
+      coarse = make_tracer(*device_, asset, choose_levels(asset, {light.bounce_level}).front(),
+                           scene_config(configs_[0]));
+    const Tracer& shadowing = coarse ? *coarse : tracer;
+    PathConfig config = light.paths;
+    config.width = shown.width;
+    config.height = shown.height;
+    config.colors = shown.colors;
+    if (options_.samples > 0) config.samples = options_.samples;
+    if (light.ground) config.ground = ground_below(asset, shown.up);
+    config.offset = path_offset(asset, level, coarse ? light.bounce_level : level);
+    if (options_.aov == Aov::kOcclusion)
+      return trace_ambient_occlusion(tracer, shadowing, camera, static_cast<float>(light.distance), config,
+                                     context_.progress.callback());
+    PathPicture picture =
+        trace_paths(tracer, shadowing, camera, make_environment(light.words, camera, shown.up), config,
+                    context_.progress.callback());
+    timings_.trace += picture.trace_seconds;
+    timings_.shade += picture.shade_seconds;
+    timings_.rays += picture.rays;
+    context_.report["paths"] = {{"samples", picture.samples}, {"noise", picture.noise}};
+    const bool is_exr = image_format(names_.text(), Image::Kind::kColor) == ImageFormat::kExr;
+    if (options_.aov == Aov::kShaded && !light.linear && !is_exr) apply_filmic_curve(picture.color);
+    return std::move(image_of(picture, options_.aov));
   }
 
   std::string output_name(const Asset& asset, const std::string& level, std::size_t frame) const {
@@ -213,7 +266,7 @@ class Renderer {
   }
 
   Context& context_;
-  const RenderOptions& options_;
+  RenderOptions& options_;
   NameTemplate names_;
   std::set<std::string> names_taken_;
   std::vector<ExactConfig> configs_;  // one, or the two compared
@@ -236,10 +289,13 @@ void add_render(CLI::App& app, Context& context) {
   stage->add_option("FILE", options->files, ".rbvh pairs, scans, proxies or scenes (.json)")->required();
   add_level_option(*stage, options->levels, true);
   add_parsed(*stage, "--aov", options->aov, parse_aov, "WHAT",
-             "shaded (default), normal, depth, position, leaf or steps; depth and position go to .exr");
+             "shaded (default), normal, depth, position, leaf, steps; of light: ao, albedo, shadow, direct, "
+             "indirect; "
+             "depth and position go to .exr");
   add_exact_options(*stage, options->exact);
   add_parsed(*stage, "--samples", options->samples, parse_samples, "N",
-             "rays a pixel of a shaded picture (default: 4); 1 is the pixel's centre");
+             "rays a pixel of a shaded picture (default: 4, with --light 64 paths); without --light 1 is the "
+             "centre");
   add_parsed(*stage, "--color-layer", options->color_layer, parse_layer_name, "NAME",
              "shades a pair in the colours of a layer of your own: from dark blue (least) to yellow (most)");
   add_parsed(*stage, "--compare", options->compared, parse_compared, "A,B",
@@ -250,6 +306,7 @@ void add_render(CLI::App& app, Context& context) {
       ->excludes("--color-layer");
   add_coordinates_option(*stage, options->shifted);
   add_proxy_options(*stage, options->proxies, true);
+  add_light_options(*stage, options->light);
   add_camera_options(*stage, options->camera);
 }
 

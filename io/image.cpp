@@ -32,7 +32,7 @@ std::vector<std::uint8_t> to_bytes(const Image& image, std::size_t channels) {
       const float* in = &image.pixels[i * from];
       const float alpha = has_alpha ? in[3] : 1;
       for (std::size_t c = 0; c < std::min<std::size_t>(channels, 3); ++c) {
-        float value = in[c];
+        float value = in[std::min(c, from - 1)];
         if (has_alpha && channels == 4) value = alpha > 0 ? value / alpha : 0;
         if (has_alpha && channels == 3) value += (1 - alpha) * kJpegBackground;
         bytes[i * channels + c] = to_byte(is_color ? linear_to_srgb(value) : value);

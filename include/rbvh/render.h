@@ -15,7 +15,23 @@
 #pragma GCC visibility push(default)
 namespace rbvh {
 
-enum class Aov { kShaded, kNormal, kDepth, kPosition, kLeaf, kSteps };
+enum class Aov {
+  kShaded,
+  kNormal,
+  kDepth,
+  kPosition,
+  kLeaf,
+  kSteps,
+  // Of light: made by rbvh/light.h, not by render().
+  kOcclusion,
+  kAlbedo,
+  kShadow,
+  kDirect,
+  kIndirect
+};
+
+/// Whether it is one of light's.
+inline bool is_of_light(Aov aov) { return aov >= Aov::kOcclusion; }
 
 /// "shaded", "normal" ..., or nothing for any other word.
 std::optional<Aov> find_aov(std::string_view name);

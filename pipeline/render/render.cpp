@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/render/shade.h"
 #include "pipeline/trace/camera_rays.h"
@@ -22,6 +23,7 @@ std::pair<double, double> sample_offset(int sample, int samples) {
 }  // namespace
 
 Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& config, RenderTimings* timings) {
+  RBVH_CHECK(!is_of_light(config.aov));
   RenderTimings unasked;
   RenderTimings& times = timings != nullptr ? *timings : unasked;
   Stopwatch watch;

@@ -102,8 +102,10 @@ void put(float* pixel, Vec3f color) {
 
 std::optional<Aov> find_aov(std::string_view name) {
   static const std::pair<std::string_view, Aov> kNames[] = {
-      {"shaded", Aov::kShaded},     {"normal", Aov::kNormal}, {"depth", Aov::kDepth},
-      {"position", Aov::kPosition}, {"leaf", Aov::kLeaf},     {"steps", Aov::kSteps}};
+      {"shaded", Aov::kShaded},     {"normal", Aov::kNormal},    {"depth", Aov::kDepth},
+      {"position", Aov::kPosition}, {"leaf", Aov::kLeaf},        {"steps", Aov::kSteps},
+      {"ao", Aov::kOcclusion},      {"albedo", Aov::kAlbedo},    {"shadow", Aov::kShadow},
+      {"direct", Aov::kDirect},     {"indirect", Aov::kIndirect}};
   for (const auto& [known, aov] : kNames)
     if (name == known) return aov;
   return std::nullopt;

@@ -1,0 +1,95 @@
+// rbvh bake: light on the surface, kept in a layer.
+#include <algorithm>
+#include <memory>
+
+#include "cli/asset_options.h"
+#include "cli/common.h"
+#include "cli/layer_options.h"
+#include "cli/light_options.h"
+#include "cli/pair_output.h"
+#include "cli/stages.h"
+#include "io/rbvh_file.h"
+#include "io/report_json.h"
+#include "pipeline/light/bake_layer.h"
+
+namespace rbvh {
+namespace {
+
+constexpr std::pair<std::string_view, BakedLight> kBaked[] = {
+    {"ao", BakedLight::kOcclusion}, {"sky", BakedLight::kSky}, {"irradiance", BakedLight::kIrradiance}};
+
+struct BakeOptions {
+  std::string file;
+  std::vector<std::string> levels;
+  BakedLight baked = BakedLight::kOcclusion;
+  int samples = 64;
+  double scale = 1;
+  LightOptions light;
+};
+
+int parse_rays(std::string_view text) { return parse_positive_up_to(text, 1 << 20); }
+
+void run_bake(Context& context, BakeOptions& options) {
+  check_paths_differ(context, {options.file, atlas_path(options.file)},
+                     {context.output, atlas_path(context.output)});
+  check_pair_output(context);
+  check_is_pair(options.file);
+  LightOptions& light = options.light;
+  if (light.words.light == "studio" || light.words.light == "headlight")
+    throw Error(ErrorKind::kUsage, "",
+                "--light: " + light.words.light + " goes with a camera, and a layer has none");
+  if (light.words.light.empty()) light.words.light = "white";
+  prepare_light(light, true);
+  Asset pair = load(context, options.file);
+  const std::vector<std::string> levels = levels_to_cast(
+      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  time_phase(context, "load");
+  const Device device = Device::open(context.device);
+  context.report["device"] = device_json(device.info());
+  const Vec3f up = static_cast<Vec3f>(pair.up_axis());
+  PathConfig config = light.paths;
+  config.samples = options.samples;
+  if (light.ground) config.ground = ground_below(pair, up);
+  std::uint64_t texels = 0;
+  BakeLayer bake{
+      .light = options.baked, .scale = options.scale, .distance = static_cast<float>(light.distance)};
+  for (const auto& [name, baked] : kBaked)
+    if (baked == options.baked) bake.name = name;
+  const Environment environment = make_environment(light.words, {}, up);
+  for (Level& level : pair.rbvh()->levels) {
+    if (std::find(levels.begin(), levels.end(), level.name) == levels.end()) continue;
+    config.offset = path_offset(pair, level.name, level.name);
+    const auto tracer = make_tracer(device, pair, level.name, {});
+    const std::uint64_t lit = bake_layer(device, *tracer, level, bake, environment, config, options.file,
+                                         context.progress.callback());
+    context.report["levels"].push_back({{"name", level.name}, {"texels", lit}});
+    texels += lit;
+  }
+  time_phase(context, "bake");
+  context.report["counts"] = {{"texels", texels}, {"rays_a_texel", options.samples}};
+  const RbvhBytes bytes = write_rbvh(context.output, *pair.rbvh(), context.force);
+  time_phase(context, "write");
+  report_pair(context, context.output, bytes, "layer " + bake.name);
+}
+
+}  // namespace
+
+void add_bake(CLI::App& app, Context& context) {
+  const auto options = std::make_shared<BakeOptions>();
+  CLI::App* stage = add_stage(
+      app, context,
+      {"bake", "Keep light in a layer of a pair",
+       "rbvh bake dragon.rbvh --layer irradiance --light sky --samples 256 -o lit.rbvh"},
+      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_bake(context, *options); });
+  stage->add_option("FILE", options->file, "an .rbvh pair")->required();
+  add_parsed(*stage, "--layer", options->baked, parse_choice<kBaked>, "LAYER",
+             "ao (the part of the sky that is seen), sky (direct light) or irradiance (all)")
+      ->required();
+  add_parsed(*stage, "--samples", options->samples, parse_rays, "N", "rays or paths a texel (default: 64)");
+  add_parsed(*stage, "--layer-scale", options->scale, parse_layer_scale, "S",
+             "its texels to one of the heights', 0.0625 to 16 (default: 1)");
+  add_baked_light_options(*stage, options->light);
+  add_level_option(*stage, options->levels, true);
+}
+
+}  // namespace rbvh

@@ -1,0 +1,18 @@
+// Environment maps: latitude-longitude pictures of light, as EXR or Radiance HDR.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "rbvh/image.h"
+
+namespace rbvh {
+
+/// R G B, linear, row 0 on top. Negative values and those that are not finite become 0 (EXR's writers leave
+/// such); a map larger than 4096 pixels a side is averaged down. Throws Error(kInput).
+Image read_environment_map(const std::string& path);
+
+/// The same of a file's bytes; `path` is for messages.
+Image decode_environment_map(std::string_view file, const std::string& path);
+
+}  // namespace rbvh
