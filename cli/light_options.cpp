@@ -90,8 +90,8 @@ void add_light_options(CLI::App& stage, LightOptions& options) {
                      "a picture takes no more samples after so long"));
   declare(
       stage.add_flag("--denoise", options.paths.denoise, "filters what noise is left, along the surfaces"));
-  declare(
-      stage.add_flag("--linear", options.linear, "light as it is, without the filmic curve (as in .exr)"));
+  stage.add_flag("--linear", options.linear, "light as it is, without the filmic curve (as in .exr)")
+      ->group(kGroup);
   add_parsed(stage, "--cached", options.cached, parse_layer_name, "LAYER",
              "lights a pair by a layer that rbvh bake made, in place of paths")
       ->group(kGroup)
@@ -101,6 +101,8 @@ void add_light_options(CLI::App& stage, LightOptions& options) {
 void prepare_light(LightOptions& options, bool has_aov) {
   if (options.words.light.empty()) {
     if (!has_aov) refuse_options(options.declared, "", "is for pictures with --light");
+    if (!has_aov && options.linear && options.cached.empty())
+      throw Error(ErrorKind::kUsage, "", "--linear is for pictures with --light or --cached");
     options.words.light = has_aov ? "studio" : "";
     return;
   }
