@@ -94,6 +94,10 @@ void end_stage(Context& context) {
 
 void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
                         std::vector<std::string> outputs) {
+  for (const std::string& path : inputs)
+    if (path.size() == 2 && path[0] == 'Q' && path[1] >= '0' && path[1] <= '9' &&
+        !std::filesystem::exists(path))
+      throw Error(ErrorKind::kUsage, path, "is no file; levels have commas between, as in --level Q3,Q4");
   outputs.push_back(context.report_path);
   outputs.push_back(context.log_path);
   check_paths_differ(inputs, outputs);

@@ -1,6 +1,7 @@
 // rbvh info: what a pair, a proxy, a scan or a scene holds.
 #include <memory>
 
+#include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/stages.h"
 #include "io/describe.h"
@@ -9,30 +10,35 @@
 namespace rbvh {
 namespace {
 
-void run_info(Context& context, const std::string& path, bool as_json, bool with_bytes) {
-  const nlohmann::ordered_json json = describe(path, {.memory = context.memory});
-  if (with_bytes && json["kind"] != "rbvh")
-    throw Error(ErrorKind::kUsage, path, "--bytes is for pairs, and this is none");
-  as_json ? print_json(json) : print_data(describe_text(json, with_bytes));
+struct Options {
+  std::vector<std::string> files;
+  bool as_json = false, with_bytes = false;
+};
+
+void run_info(Context& context, const Options& options) {
+  for_each_file(context, options.files, [&](const std::string& path) {
+    const nlohmann::ordered_json json = describe(path, {.memory = context.memory});
+    if (options.with_bytes && json["kind"] != "rbvh")
+      throw Error(ErrorKind::kUsage, path, "--bytes is for pairs, and this is none");
+    options.as_json ? print_json(json) : print_data(describe_text(json, options.with_bytes));
+  });
 }
 
 }  // namespace
 
 void add_info(CLI::App& app, Context& context) {
-  struct Options {
-    std::string file;
-    bool as_json = false, with_bytes = false;
-  };
   const auto options = std::make_shared<Options>();
-  CLI::App* stage = add_stage(
-      app, context,
-      {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"}, 0,
-      [&context, options] { run_info(context, options->file, options->as_json, options->with_bytes); });
-  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
+  CLI::App* stage =
+      add_stage(app, context,
+                {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"},
+                0, [&context, options] { run_info(context, *options); });
+  stage
+      ->add_option("FILE", options->files,
+                   ".rbvh pairs, proxies, scans (-: standard input) or scenes (.json)")
       ->required();
   stage->add_flag("--bytes", options->with_bytes,
                   "of a pair, also where its bytes are: each level's streams and layers");
-  stage->add_flag("--json", options->as_json, "as JSON");
+  stage->add_flag("--json", options->as_json, "as JSON; of several files, one object after the other");
 }
 
 }  // namespace rbvh

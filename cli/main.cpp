@@ -7,6 +7,8 @@
 #include <cstring>
 #include <exception>
 #include <new>
+#include <string>
+#include <vector>
 
 #include "cli/common.h"
 #include "cli/exit_code.h"
@@ -70,16 +72,27 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_info(app, context);
   add_validate(app, context);
   add_devices(app, context);
-  check_stage_word(app, argc > 1 ? argv[1] : nullptr);
-  if (argv[1][0] != '-') context.stage = argv[1];
+  std::vector<std::string> words(argv + 1, argv + argc);
+  if (!words.empty() && words[0] == "help") {  // as other tools have it: help STAGE
+    words.erase(words.begin());
+    words.push_back("--help");
+  }
+  check_stage_word(app, words.empty() ? nullptr : words[0].c_str());
+  if (words[0][0] != '-') context.stage = words[0];
   try {
-    app.parse(argc, argv);
+    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
   } catch (const CLI::CallForHelp&) {
     print_data(app.help());
   } catch (const CLI::CallForVersion&) {
     print_data(std::string("rbvh ") + RBVH_VERSION + "\n");
   } catch (const CLI::Success&) {  // an option that was all that was wanted
   } catch (const CLI::ParseError& error) {
+    for (const CLI::App* stage : app.get_subcommands())
+      for (const std::string& word : stage->remaining())
+        if (word.starts_with("-"))
+          throw Error(ErrorKind::kUsage, "",
+                      "'" + word + "' is no option; see rbvh " + context.stage +
+                          " --help (a file's name that begins with - follows --)");
     throw Error(ErrorKind::kUsage, "",
                 one_line(error.what()) + "; see rbvh " + (context.stage.empty() ? "" : context.stage + " ") +
                     "--help");

@@ -17,6 +17,10 @@ constexpr auto kPlainInterval = std::chrono::seconds(5);
 
 double seconds(std::chrono::steady_clock::duration d) { return std::chrono::duration<double>(d).count(); }
 
+std::string json_line(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 }  // namespace
 
 void ProgressReporter::start(ProgressMode mode, std::string stage, bool color) {
@@ -62,12 +66,11 @@ void ProgressReporter::show(double fraction, Clock::time_point now) {
       next_show_ = now + kPlainInterval;
       break;
     case ProgressMode::kJson: {
-      const nlohmann::ordered_json line = {{"stage", stage_},
-                                           {"phase", phase_},
-                                           {"fraction", fraction},
-                                           {"seconds", seconds(now - phase_start_)}};
-      std::fprintf(stderr, "%s\n",
-                   line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+      const std::string line = json_line({{"stage", stage_},
+                                          {"phase", phase_},
+                                          {"fraction", fraction},
+                                          {"seconds", seconds(now - phase_start_)}});
+      std::fprintf(stderr, "%s\n", line.c_str());
       next_show_ = now + kJsonInterval;
       break;
     }
@@ -108,7 +111,9 @@ void ProgressReporter::print_line(std::string_view line) {
   const std::lock_guard lock(mutex_);
   if (bar_drawn_) std::fputs("\r\033[K", stderr);
   bar_drawn_ = false;
-  std::fprintf(stderr, "%.*s\n", static_cast<int>(line.size()), line.data());
+  const std::string shown =
+      mode_ == ProgressMode::kJson ? json_line({{"stage", stage_}, {"line", line}}) : std::string(line);
+  std::fprintf(stderr, "%s\n", shown.c_str());
   std::fflush(stderr);
 }
 

@@ -22,7 +22,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct ValidateOptions {
-  std::string file, against;
+  std::vector<std::string> files;
+  std::string against;
   std::vector<std::string> levels;  // empty: all
   ViewsConfig views;
   std::string pictures;
@@ -68,20 +69,19 @@ Json measure(Context& context, const ValidateOptions& options, const Asset& pair
   return list;
 }
 
-void run_validate(Context& context, const ValidateOptions& options) {
-  const bool is_pair = is_rbvh(options.file);
-  if (!is_pair && !is_proxy(options.file) && !options.against.empty())
-    throw Error(ErrorKind::kUsage, options.file,
+void validate_file(Context& context, const ValidateOptions& options, const std::string& path) {
+  const bool is_pair = is_rbvh(path);
+  if (!is_pair && !is_proxy(path) && !options.against.empty())
+    throw Error(ErrorKind::kUsage, path,
                 std::string("--against compares the levels of an .rbvh, or a proxy, and this is a ") +
-                    (is_scene(options.file) ? "scene" : "scan"));
-  if (!is_pair) refuse_options(options.of_pairs, options.file, "is for pairs, and this is none");
+                    (is_scene(path) ? "scene" : "scan"));
+  if (!is_pair) refuse_options(options.of_pairs, path, "is for pairs, and this is none");
   CheckedFile file;
   try {
-    file =
-        check_file(options.file, {.memory = context.memory, .tessellate = {}}, context.progress.callback());
+    file = check_file(path, {.memory = context.memory, .tessellate = {}}, context.progress.callback());
   } catch (const Error& error) {
     if (options.as_json && error.kind() == ErrorKind::kInput)
-      print_json({{"file", options.file}, {"valid", false}, {"fault", error_line(error)}});
+      print_json({{"file", path}, {"valid", false}, {"fault", error_line(error)}});
     throw;
   }
   Json& json = file.summary;
@@ -102,6 +102,13 @@ void run_validate(Context& context, const ValidateOptions& options) {
   if (options.as_json) print_json(json);
 }
 
+void run_validate(Context& context, const ValidateOptions& options) {
+  if (options.files.size() > 1 && !options.against.empty())
+    throw Error(ErrorKind::kUsage, options.files[1], "--against measures one file; name that alone");
+  for_each_file(context, options.files,
+                [&](const std::string& path) { validate_file(context, options, path); });
+}
+
 }  // namespace
 
 void add_validate(CLI::App& app, Context& context) {
@@ -110,7 +117,9 @@ void add_validate(CLI::App& app, Context& context) {
                               {"validate", "Check a file; measure a pair or a proxy against its scan",
                                "rbvh validate dragon.rbvh --against dragon.ply"},
                               kWithDevice, [&context, options] { run_validate(context, *options); });
-  stage->add_option("FILE", options->file, "an .rbvh, a proxy, a scan (-: standard input) or a scene (.json)")
+  stage
+      ->add_option("FILE", options->files,
+                   ".rbvh pairs, proxies, scans (-: standard input) or scenes (.json)")
       ->required();
   stage
       ->add_option("--against", options->against,
@@ -126,7 +135,7 @@ void add_validate(CLI::App& app, Context& context) {
   for (const char* name : {"--level", "--views", "--resolution", "--pictures"})
     options->of_pairs.push_back(stage->get_option(name));
   stage->add_flag("-f,--force", context.force, "overwrite pictures that are there");
-  stage->add_flag("--json", options->as_json, "as JSON");
+  stage->add_flag("--json", options->as_json, "as JSON; of several files, one object after the other");
 }
 
 }  // namespace rbvh

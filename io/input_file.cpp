@@ -1,6 +1,8 @@
 #include "io/input_file.h"
 
 #include <fcntl.h>
+#include <poll.h>
+#include <sys/eventfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -35,9 +37,11 @@ InputStream::InputStream(const std::string& path) : name_(input_name(path)) {
   struct stat status {};
   fd_ = open_input(path, name_, status);
   if (S_ISREG(status.st_mode) && path != "-") file_bytes_ = static_cast<std::uint64_t>(status.st_size);
+  if (!S_ISREG(status.st_mode)) stop_fd_ = eventfd(0, EFD_CLOEXEC);
 }
 
 InputStream::~InputStream() {
+  if (stop_fd_ >= 0) ::close(stop_fd_);
   if (fd_ != STDIN_FILENO) ::close(fd_);
 }
 
@@ -45,6 +49,11 @@ std::size_t InputStream::read(std::span<std::byte> to) {
   constexpr std::size_t kMost = std::size_t{1} << 30;
   std::size_t size = 0;
   while (size < to.size()) {
+    if (stop_fd_ >= 0) {
+      pollfd ends[] = {{fd_, POLLIN, 0}, {stop_fd_, POLLIN, 0}};
+      poll(ends, 2, -1);
+      if (ends[1].revents != 0) break;
+    }
     const ssize_t got = ::read(fd_, to.data() + size, std::min(to.size() - size, kMost));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0)
@@ -55,6 +64,11 @@ std::size_t InputStream::read(std::span<std::byte> to) {
     at_ += static_cast<std::size_t>(got);
   }
   return size;
+}
+
+void InputStream::stop() {
+  const std::uint64_t one = 1;
+  if (stop_fd_ >= 0) static_cast<void>(!::write(stop_fd_, &one, sizeof one));
 }
 
 std::uint64_t InputStream::skip() {

@@ -37,10 +37,13 @@ class InputStream {
   /// Fills `to`, or less at the end; how much.
   std::size_t read(std::span<std::byte> to);
   std::uint64_t skip();  ///< all that follow; how many
+  /// Ends what is to be read here and now, also where another thread is waiting in read() for who writes into
+  /// a pipe.
+  void stop();
 
  private:
   std::string name_;
-  int fd_ = -1;
+  int fd_ = -1, stop_fd_ = -1;  ///< stop_fd_: readable once stop() was called; none for a regular file
   std::uint64_t at_ = 0;
   std::optional<std::uint64_t> file_bytes_;
 };

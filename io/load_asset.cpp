@@ -72,15 +72,13 @@ SceneObject load_proxy_object(const std::string& path, const LoadConfig& config)
 SceneObject load_object(const SceneFile::Object& file, const LoadConfig& config, const Progress& progress) {
   const bool is_pair = is_rbvh(file.path);
   if (!file.level.empty() && !is_pair)
-    throw Error(ErrorKind::kInput, file.path,
-                "object \"" + file.name + "\" names a level, and this is no pair");
+    throw Error(ErrorKind::kInput, file.path, "a level is named, and this is no pair");
   SceneObject object;
   if (is_pair) {
     const LevelFilter choose = [&](const std::vector<std::string>& names) {
       if (file.level.empty()) return std::vector{names.front()};
       if (std::find(names.begin(), names.end(), file.level) == names.end())
-        throw Error(ErrorKind::kInput, file.path,
-                    "there is no level '" + file.level + "' for object \"" + file.name + "\"");
+        throw Error(ErrorKind::kInput, file.path, "there is no level '" + file.level + "'");
       return std::vector{file.level};
     };
     Rbvh rbvh = load_pair(file.path, config.memory, nullptr, choose);
@@ -106,8 +104,14 @@ Scene load_scene(const std::string& path, const LoadConfig& config, const Progre
   check_budget(config.memory, bytes, path, "reading all its files");
   Scene scene;
   scene.z_is_up = file.z_is_up;
-  for (const SceneFile::Object& object : file.objects)
-    scene.objects.push_back(load_object(object, config, progress));
+  for (const SceneFile::Object& object : file.objects) {
+    try {
+      scene.objects.push_back(load_object(object, config, progress));
+    } catch (const Error& error) {
+      throw Error(error.kind(), error.file(), error.place(),
+                  error.message() + " (object \"" + object.name + "\" of " + path + ")", error.remedy());
+    }
+  }
   for (const SceneFile::Instance& instance : file.instances)
     scene.instances.push_back({static_cast<std::uint32_t>(instance.object), instance.to_world});
   choose_frame(scene);

@@ -43,6 +43,7 @@ class NpyReader {
   /// The next rows, as many as `to` holds or there are, less `shift` in the first three columns; their
   /// number.
   std::size_t read(std::span<float> to, Vec3d shift = {});
+  void stop() { input_.stop(); }  ///< as InputStream's
 
  private:
   InputStream input_;

@@ -89,6 +89,14 @@ void write_piece(const RayStream& stream, const Piece& piece, RayTableCounts& co
   stream.write(table);
 }
 
+/// Of what has been read to its end there is nothing to stop.
+struct Stopper {
+  const RayStream& stream;
+  ~Stopper() {
+    if (stream.stop) stream.stop();
+  }
+};
+
 }  // namespace
 
 std::uint64_t ray_stream_bytes(std::uint64_t rays) {
@@ -107,6 +115,7 @@ RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQu
     return std::async(std::launch::async, [&] { read_piece(stream, piece, counts); });
   };
   std::future<void> reading = read(pieces[0]), writing;
+  const Stopper stopper{stream};  // before the futures wait for their threads
   for (std::size_t k = 0;; ++k) {
     Piece& piece = pieces[k % kPieces];
     reading.get();

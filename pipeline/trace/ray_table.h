@@ -19,6 +19,7 @@ struct RayStream {
   std::uint64_t rows = 0;                             ///< in all, for the progress
   std::function<std::size_t(std::span<float>)> read;  ///< the next rows; how many, 0 at the end
   std::function<void(std::span<const float>)> write;  ///< kHitColumns for each of them, in their order
+  std::function<void()> stop = {};                    ///< called where all ends early: `read` waits no longer
 };
 
 struct RayTableCounts {

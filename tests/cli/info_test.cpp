@@ -78,6 +78,18 @@ TEST_F(Info, SaysWhatAScanHolds) {
       std::string::npos);
 }
 
+TEST_F(Info, TakesSeveralFiles) {
+  for (const std::string stage : {"info", "validate"}) {
+    EXPECT_EQ(tool(stage + " a.rbvh ball.ply").out,
+              tool(stage + " a.rbvh").out + tool(stage + " ball.ply").out);
+    const ToolRun run = tool(stage + " missing.ply ball.ply --json -q");
+    EXPECT_EQ(run.code, 4) << run.err;
+    EXPECT_EQ(run.lines(), 2) << run.err;
+    EXPECT_TRUE(run.out.ends_with(tool(stage + " ball.ply --json").out)) << run.out;
+  }
+  bad("validate a.rbvh a.rbvh --against ball.ply", 2, "--against measures one file");
+}
+
 TEST_F(Info, ControlCharactersStayOutOfTheTerminal) {
   Rbvh rbvh = make_small_rbvh();
   rbvh.source.name = "\033[31mred\xff";

@@ -155,6 +155,11 @@ TEST_F(SceneCommand, MemoryCountsWhatIsCast) {
 TEST_F(SceneCommand, WhatIsWrongIsOneLine) {
   expect_refused("render s.json -o a.png", 3, "ball.rbvh");  // not built yet
   expect_refused("render gone.json -o a.png", 3, "gone.json");
+  write("lacks.json",
+        R"({"rbvh_scene": 1, "objects": {"s": {"file": "gone.rbvh"}}, "instances": [{"object": "s"}]})");
+  for (const char* words : {"info lacks.json", "validate lacks.json", "render lacks.json -o a.png"})
+    expect_refused(words, 3,
+                   "gone.rbvh: cannot be opened: No such file or directory (object \"s\" of lacks.json)");
   write("bad.json",
         R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.ply"}}, "instances": [{"object": "b"}]})");
   expect_refused("render bad.json -o a.png", 3, "places \"b\"");

@@ -1,5 +1,6 @@
 // The command line's options: what is refused, how, and that nothing is left behind.
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "io/npy.h"
 #include "pipeline/bvh/exact_methods.h"
@@ -30,6 +31,9 @@ TEST_F(Usage, TheStageComesFirst) {
   expect_usage_error("rendr a.ply -o a.png", "'rendr' is no stage");
   expect_usage_error("-q render a.ply -o a.png", "options follow the stage's name");
   expect_usage_error("devices devices", "devices");
+  expect_usage_error("help rendr", "'rendr' is no stage");
+  EXPECT_EQ(tool("help").out, tool("--help").out);
+  EXPECT_EQ(tool("help build").out, tool("build --help").out);
 }
 
 TEST_F(Usage, NoPathIsBothReadAndWritten) {
@@ -58,7 +62,12 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("render a.ply -o a.png --turntable -3 ", "--turntable");
   expect_usage_error("render a.ply -o a.png --turntable 100001", "--turntable");
   expect_usage_error("render a.ply -o a.png --no-such-option", "--no-such-option");
+  expect_usage_error("render a.ply --outptu a.png", "'--outptu' is no option; see rbvh render --help");
+  expect_usage_error("info -a.ply", "follows --");
   expect_usage_error("render a.ply -o a.png -o b.png", "-o");
+  for (const char* name : {"a.png", "{level}.png", "{name}-{level}.png"})
+    expect_usage_error(std::string("render a.ply -o '") + name + "' --level Q3 Q4",
+                       "Q4: is no file; levels have commas");
   expect_usage_error("build a.ply -o b.rbvh --levels Q0,Q9", "Q9");
   expect_usage_error("build a.ply -o b.rbvh --levels Q0,,Q1", "--levels");
   expect_usage_error("build a.ply -o b.rbvh --refinement best", "--refinement");
@@ -110,6 +119,38 @@ TEST_F(Usage, HelpAndVersionGoToStdout) {
     EXPECT_NE(run.out.find("--quiet"), std::string::npos) << stage;
     EXPECT_NE(tool("--help").out.find(stage), std::string::npos);
   }
+}
+
+TEST_F(Usage, ProgressAsJsonIsNothingElse) {
+  const ToolRun run = tool("render a.ply -o a.png --resolution 8,8 --progress json -v");
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_EQ(tool("ingest a.ply -o a.ply/b.ply --progress json").lines(), 1);
+  std::istringstream lines(run.err + tool("build a.ply -o no/b.rbvh --progress json").err);
+  int said = 0, phases = 0;
+  for (std::string line; std::getline(lines, line);) {
+    const nlohmann::json json = nlohmann::json::parse(line, nullptr, false);
+    ASSERT_TRUE(json.is_object()) << line;
+    said += json.contains("line");
+    phases += json.contains("phase");
+  }
+  EXPECT_GT(said, 0);
+  EXPECT_GT(phases, 0);
+}
+
+// Of what else comes through the pipe nobody waits.
+TEST_F(Usage, ATraceThatFailsDoesNotWaitForItsRays) {
+  constexpr int kRays = 600'000, kFirst = 400'000;
+  std::vector<float> rays(std::size_t{kFirst} * 6, 1.f);
+  write_npy(path("rays.npy"), rays, 6, false);
+  std::string bytes = read("rays.npy");
+  const std::size_t rows = bytes.find(std::to_string(kFirst));
+  ASSERT_NE(rows, std::string::npos);
+  write("rays.npy", bytes.replace(rows, 6, std::to_string(kRays)));
+  const ToolRun run = shell(
+      "mkfifo pipe; { cat rays.npy; exec sleep 60; } > pipe & timeout 30 prlimit --fsize=5000000: '" RBVH_TOOL
+      "' trace a.ply --rays - -o h.npy -q < pipe; code=$?; kill $!; exit $code");
+  EXPECT_EQ(run.code, 1) << run.err;
+  EXPECT_NE(run.err.find("h.npy"), std::string::npos) << run.err;
 }
 
 TEST_F(Usage, DevicesAreListed) {
