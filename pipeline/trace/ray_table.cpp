@@ -118,7 +118,12 @@ RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQu
   const Stopper stopper{stream};  // before the futures wait for their threads
   for (std::size_t k = 0;; ++k) {
     Piece& piece = pieces[k % kPieces];
-    reading.get();
+    try {
+      reading.get();
+    } catch (...) {
+      if (writing.valid()) writing.get();  // throws what made it stop
+      throw;
+    }
     if (piece.count == 0) break;
     reading = read(pieces[(k + 1) % kPieces]);  // whose hits have been written: two pieces ago
     report(progress, "trace", static_cast<double>(counts.rays) / static_cast<double>(stream.rows));
@@ -129,7 +134,14 @@ RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQu
     counts.seconds += watch.lap();
     counts.rays += piece.count;
     if (writing.valid()) writing.get();
-    writing = std::async(std::launch::async, [&] { write_piece(stream, piece, counts); });
+    writing = std::async(std::launch::async, [&] {
+      try {
+        write_piece(stream, piece, counts);
+      } catch (...) {
+        if (stream.stop) stream.stop();
+        throw;
+      }
+    });
   }
   if (writing.valid()) writing.get();
   return counts;
