@@ -82,9 +82,9 @@ void run_trace(Context& context, const TraceOptions& options) {
   file.write(npy_header(rays.rows(), kHitColumns));
   const RayStream stream = {.columns = rays.columns(),
                             .rows = rays.rows(),
-                             .read = [&](std::span<float> to) { return rays.read(to, shift); },
-                             .write = [&](std::span<const float> hits) { file.write(std::as_bytes(hits)); },
-                             .stop = [&] { rays.stop(); }};
+                            .read = [&](std::span<float> to) { return rays.read(to, shift); },
+                            .write = [&](std::span<const float> hits) { file.write(std::as_bytes(hits)); },
+                            .stop = [&] { rays.stop(); }};
   const RayTableCounts counts = trace_stream(
       *tracer, stream, options.any ? RayQuery::kAny : RayQuery::kNearest, context.progress.callback());
   file.commit();

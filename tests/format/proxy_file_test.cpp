@@ -56,7 +56,7 @@ TEST_F(ProxyFile, RoundTrip) {
   const Proxy proxy = make_two_patch_proxy();
   ASSERT_EQ(find_fault(proxy), std::nullopt);
   const ProxySource source{"scan.ply", 42, {1e6, -2.5, 0}};
-  const ProxyHeader written = save_proxy(path("a.obj"), proxy, source).header;
+  const ProxyHeader written = save_proxy(path("a.obj"), proxy, source);
   EXPECT_TRUE(is_proxy(path("a.obj")));
   ProxyHeader header;
   const Proxy again = load_proxy(path("a.obj"), &header);
