@@ -310,13 +310,13 @@ TEST_F(Chain, ProgressReportsAndLogsAreAsAskedFor) {
   ASSERT_EQ(json.code, 0) << json.err;
   int lines = 0;
   std::istringstream in(json.err);
-  for (std::string line; std::getline(in, line);)
-    if (line.starts_with("{")) {
-      const Json entry = Json::parse(line);
-      EXPECT_EQ(entry["stage"], "build");
-      EXPECT_TRUE(entry["fraction"] >= 0 && entry["fraction"] <= 1);
-      ++lines;
-    }
+  for (std::string line; std::getline(in, line);) {
+    const Json entry = Json::parse(line);
+    EXPECT_EQ(entry["stage"], "build");
+    if (!entry.contains("fraction")) continue;  // a line for people
+    EXPECT_TRUE(entry["fraction"] >= 0 && entry["fraction"] <= 1);
+    ++lines;
+  }
   EXPECT_GT(lines, 1);
   EXPECT_NE(read("build.log").find("wrote a.rbvh"), std::string::npos);
   const ToolRun terse = tool("render ball.ply --output x.png --resolution 16,16 --progress plain");

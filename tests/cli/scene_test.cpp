@@ -166,7 +166,7 @@ TEST_F(SceneCommand, WhatIsWrongIsOneLine) {
   write(
       "level.json",
       R"({"rbvh_scene": 1, "objects": {"a": {"file": "ball.ply", "level": "Q0"}}, "instances": [{"object": "a"}]})");
-  expect_refused("render level.json -o a.png", 3, "names a level");
+  expect_refused("render level.json -o a.png", 3, "a level is named");
   build_pair();
   write(
       "level.json",
