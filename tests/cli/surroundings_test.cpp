@@ -28,6 +28,7 @@ TEST_F(Surroundings, KernelsAreKeptInTheTemporaryFolderWhereTheCacheCannotBeWrit
   std::error_code code;
   if (const char* warm = std::getenv("POCL_CACHE_DIR"); warm != nullptr && fs::exists(warm))
     fs::copy(warm, cache(), fs::copy_options::recursive, code);
+  if (fs::exists(cache())) fs::permissions(cache(), fs::perms::owner_all);
   const std::string temporary = "TMPDIR='" + path("tmp") + "' ";
   for (const std::string where : {"POCL_CACHE_DIR=/proc/no", "POCL_CACHE_DIR= XDG_CACHE_HOME=/proc/no",
                                   "POCL_CACHE_DIR= XDG_CACHE_HOME= HOME=/proc/no"}) {
