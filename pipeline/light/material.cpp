@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/base/vector_math.h"
 #include "pipeline/light/environment.h"
 
 namespace rbvh {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/vector_math.h"
 #include "pipeline/light/sobol.h"
 #include "pipeline/light/vertex.h"
 
@@ -14,7 +15,6 @@ namespace {
 
 constexpr int kSureBounces = 3;  // before roulette
 
-Vec3f times(Vec3f a, Vec3f b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 float largest(Vec3f c) { return std::max({c.x, c.y, c.z}); }
 
 /// Light that reaches a pixel at a path's bounce-th vertex, 1: the first.

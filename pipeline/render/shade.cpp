@@ -6,6 +6,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/vector_math.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
@@ -25,9 +26,7 @@ constexpr float kValley = 0.45f, kRidge = 0.25f;
 
 constexpr float kPixelsAtWhichReliefIsSought[] = {1, 2.5f, 6};  // for 1024 rows
 
-Vec3f array3(const float a[3]) { return {a[0], a[1], a[2]}; }
 bool is_hit(const Hit& hit) { return std::isfinite(hit.t); }
-Vec3f times(Vec3f a, Vec3f b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 Vec3f mix(Vec3f a, Vec3f b, float t) { return a * (1 - t) + b * t; }
 
 // How far a pixel lies in a valley (positive) or on a ridge (negative): the mean of opposite pixels' 1/t

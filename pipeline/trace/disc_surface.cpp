@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/base/vector_math.h"
 #include "pipeline/bvh/sah_binned_bvh.h"
 #include "pipeline/trace/surface.h"
 
@@ -19,9 +20,8 @@ constexpr float kLeast = 1e-3f;
 
 /// Where the disc was hit: u and v are along disc_frame() of kernels/bvh/disc.h, in radii.
 Vec3f hit_point(const Scan& cloud, const Hit& hit) {
-  const Vec3f n{hit.normal[0], hit.normal[1], hit.normal[2]};
-  const float sign = std::copysign(1.0f, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
-  const Vec3f x{1 + sign * n.x * n.x * a, sign * b, -sign * n.x}, y{b, sign + n.y * n.y * a, -n.y};
+  Vec3f x, y;
+  make_frame(array3(hit.normal), x, y);
   return cloud.positions[hit.leaf] + (x * hit.u + y * hit.v) * cloud.radii[hit.leaf];
 }
 

@@ -7,6 +7,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/srgb.h"
+#include "pipeline/base/vector_math.h"
 #include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
@@ -15,7 +16,6 @@
 namespace rbvh {
 namespace {
 
-Vec3f array3(const float a[3]) { return {a[0], a[1], a[2]}; }
 bool is_hit(const Hit& hit) { return std::isfinite(hit.t); }
 
 const std::array<float, 256>& srgb_table() {
