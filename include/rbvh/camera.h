@@ -25,9 +25,12 @@ struct Camera {
   double view_angle = 30;  ///< degrees, vertical, full angle
 };
 
+/// From an object to a camera in front of it, unit: +Z where +Y is up, -Y where +Z is.
+Vec3d front_of(Vec3d up_axis);
+
 /// Fills in the words that are missing: the view angle is 30 degrees, the view up is `up_axis`, the focal
 /// point the middle of the picture of `bounds`, the position as near as shows all of `bounds`, in front of
-/// the object (where `up_axis` is +Y that is on +Z, for +Z on -Y) or, with none of position, azimuth and
+/// the object (front_of()) or, with none of position, azimuth and
 /// elevation given, in a three-quarter view (azimuth 30, elevation 20). `aspect` is width / height. Throws
 /// Error(kUsage) where position and focal point coincide, the view runs along the view up, or the angle is
 /// not between 0 and 180.

@@ -29,21 +29,18 @@ struct Sun {
 /// Light from infinitely far away.
 struct Environment {
   /// R G B, linear: latitude (row 0: `up`) by longitude, turning counterclockwise about `up`, seen from
-  /// above, from the direction environment_front(up). One pixel: the same light from everywhere. No pixel:
+  /// above, from the direction front_of(up). One pixel: the same light from everywhere. No pixel:
   /// none.
   Image sky;
   Vec3f up{0, 1, 0};  ///< unit
   Sun sun;
 };
 
-/// Where the middle of the sky's first column is: +Z for an up of +Y, -Y for +Z, as a camera's front.
-Vec3f environment_front(Vec3f up);
-
 /// The same light from everywhere.
 Environment uniform_environment(Vec3f radiance);
 /// A large soft key light from the camera's upper left, a weaker one from its right, and a dim room.
 Environment studio_environment(const Camera& camera);
-/// A lamp at the camera, a tenth as wide as its distance, in a dim room.
+/// A soft lamp, some 8 degrees wide, where the camera is seen from the object, in a dim room.
 Environment headlight_environment(const Camera& camera);
 /// A clear sky (Preetham, Shirley, Smits 1999) of that turbidity and its sun; scaled so that a white plane
 /// that faces the zenith is as bright as under a uniform sky of radiance 1. `to_sun` is unit, at most 85
@@ -56,7 +53,7 @@ Environment sun_environment(Vec3f up, Vec3f to_sun);
 struct LightWords {
   std::string light = "studio";  ///< or "headlight", "sky", "sun", "white"; any other word: `map`
   struct Sun {
-    double azimuth = 45;    ///< degrees, to the left of environment_front(), seen from above
+    double azimuth = 45;    ///< degrees, to the left of front_of(), seen from above
     double elevation = 45;  ///< degrees over the horizon, kLowestSun to 90
   } sun{};
   Image map{};  ///< latitude-longitude, as Environment.sky

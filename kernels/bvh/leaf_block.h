@@ -58,6 +58,10 @@ static ALWAYS_INLINE uint rays_between(__global const BlockSlab* b, const Prepar
                             (max(from, to) >= b->slab[0] - height - margin));
 }
 
+// A SeenBlock's lane, for DEFINE_INTERSECT_SEEN().
+#define SEEN_ID(s, lane) primitive_id((s)->tree, (s)->number, lane)
+#define SEEN_AT(s, lane) ((s)->number * LEAF_BLOCK_WIDTH + (lane))
+
 #ifndef DISCS
 // The vertices' coordinates along an axis, from the origin of the rays. The same for a vertex in all blocks,
 // to the last bit: no ray slips between these.
@@ -133,14 +137,7 @@ static ALWAYS_INLINE uint intersect_seen_triangle(const SeenBlock* s, uint lane,
   return intersect_corners_packet(p0, p1, p2, p->sx, p->sy, p->sz, t, v, w, area);
 }
 
-static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) {
-  return primitive_id(s->tree, s->number, lane);
-}
-static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) {
-  return s->number * LEAF_BLOCK_WIDTH + lane;
-}
-
-DEFINE_INTERSECT_SEEN(intersect_seen_triangles, SeenBlock, intersect_seen_triangle, seen_id, seen_at)
+DEFINE_INTERSECT_SEEN(intersect_seen_triangles, SeenBlock, intersect_seen_triangle, SEEN_ID, SEEN_AT)
 
 // Each triangle's box, seen from the rays' origin, tells which packets may hit it: most of a block's lie
 // beside a packet.
@@ -204,14 +201,7 @@ static ALWAYS_INLINE uint intersect_seen_disc(const SeenBlock* s, uint lane, con
   return lane_bits16(intersect_disc_packet(centre, normal, l->rows[6][lane], p->d, t));
 }
 
-static ALWAYS_INLINE uint seen_id(const SeenBlock* s, uint lane) {
-  return primitive_id(s->tree, s->number, lane);
-}
-static ALWAYS_INLINE uint seen_at(const SeenBlock* s, uint lane) {
-  return s->number * LEAF_BLOCK_WIDTH + lane;
-}
-
-DEFINE_INTERSECT_SEEN(intersect_seen_discs, SeenBlock, intersect_seen_disc, seen_id, seen_at)
+DEFINE_INTERSECT_SEEN(intersect_seen_discs, SeenBlock, intersect_seen_disc, SEEN_ID, SEEN_AT)
 
 static ALWAYS_INLINE bool intersect_block_beam(const Tree* tree, uint block, const Beam* b,
                                                BeamFound* found) {

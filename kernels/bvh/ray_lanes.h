@@ -154,16 +154,7 @@ static ALWAYS_INLINE void prepared_rays_of(const PreparedLanes* lanes, PreparedR
 #undef ALONG
 #undef ROW
 #pragma unroll
-  for (uint part = 0; part < 8; ++part) {
-    float16 quads[4];
-    transpose4(rows[part], quads);
-    float* to = (float*)prepared + 4 * part;
-    for (uint k = 0; k < 4; ++k) {
-      vstore4(quads[k].s0123, 8 * k, to);
-      vstore4(quads[k].s4567, 8 * (k + 4), to);
-      vstore4(quads[k].s89ab, 8 * (k + 8), to);
-      vstore4(quads[k].scdef, 8 * (k + 12), to);
-    }
-  }
+  for (uint part = 0; part < 8; ++part)
+    store_transposed4(rows[part], sizeof(PreparedRay) / sizeof(float), (float*)prepared + 4 * part);
 }
 #endif

@@ -95,6 +95,18 @@ static ALWAYS_INLINE void transpose4(const float16* rows, float16* quads) {
   quads[3] = PAIRS_HI(hi01, hi23);
 }
 
+// Four rows of 16 lanes as 16 groups of four floats, lane after lane, `stride` floats from one to the next.
+static ALWAYS_INLINE void store_transposed4(const float16* rows, uint stride, float* to) {
+  float16 quads[4];
+  transpose4(rows, quads);
+  for (uint k = 0; k < 4; ++k) {
+    vstore4(quads[k].s0123, 0, to + stride * k);
+    vstore4(quads[k].s4567, 0, to + stride * (k + 4));
+    vstore4(quads[k].s89ab, 0, to + stride * (k + 8));
+    vstore4(quads[k].scdef, 0, to + stride * (k + 12));
+  }
+}
+
 static inline float greatest(float16 v) {
   const float8 v8 = max(v.lo, v.hi);
   const float4 v4 = max(v8.lo, v8.hi);

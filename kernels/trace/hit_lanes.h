@@ -36,16 +36,7 @@ static ALWAYS_INLINE uint list_different(uint16 lanes, uint which, uint* differe
 static ALWAYS_INLINE void store_hits(const HitLanes* h, Hit* hits) {
   const float16 *n = h->normal, rows[2][4] = {{h->t, n[0], n[1], n[2]},
                                               {h->u, h->v, as_float16(h->leaf), as_float16(h->flags)}};
-  for (uint part = 0; part < 2; ++part) {
-    float16 quads[4];
-    transpose4(rows[part], quads);
-    float* to = (float*)hits + 4 * part;
-    for (uint k = 0; k < 4; ++k) {
-      vstore4(quads[k].s0123, 2 * k, to);
-      vstore4(quads[k].s4567, 2 * (k + 4), to);
-      vstore4(quads[k].s89ab, 2 * (k + 8), to);
-      vstore4(quads[k].scdef, 2 * (k + 12), to);
-    }
-  }
+  for (uint part = 0; part < 2; ++part)
+    store_transposed4(rows[part], sizeof(Hit) / sizeof(float), (float*)hits + 4 * part);
 }
 #endif

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "pipeline/base/error.h"
+#include "pipeline/base/vector_math.h"
 
 namespace rbvh {
 namespace {
@@ -69,18 +70,12 @@ std::size_t choose(std::span<const float> sums, float& u) {
 
 }  // namespace
 
-void make_frame(Vec3f n, Vec3f& x, Vec3f& y) {
-  const float sign = std::copysign(1.0f, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
-  x = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
-  y = {b, sign + n.y * n.y * a, -n.y};
-}
-
 EnvironmentSampler make_sampler(const Environment& environment) {
   EnvironmentSampler s;
   s.environment = environment;
   const Image& sky = environment.sky;
   RBVH_CHECK(sky.pixels.size() == std::size_t{3} * sky.width * sky.height);
-  s.x = environment_front(environment.up);
+  s.x = static_cast<Vec3f>(front_of(static_cast<Vec3d>(environment.up)));
   s.y = cross(environment.up, s.x);
 
   double sky_power = 0;  // radiance over the sphere

@@ -34,9 +34,6 @@ float pdf(const EnvironmentSampler& sampler, Vec3f direction);
 /// By four numbers in [0, 1), of which three are used.
 LightSample sample_light(const EnvironmentSampler& sampler, float choice, float u, float v);
 
-/// Perpendicular to the unit vector `n` and to each other (Duff et al. 2017).
-void make_frame(Vec3f n, Vec3f& x, Vec3f& y);
-
 inline float luminance(Vec3f c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 
 }  // namespace rbvh

@@ -28,7 +28,7 @@ struct SoftLight {
 template <class Radiance>
 Image paint_sky(Vec3f up, const Radiance& radiance) {
   Image sky = make_image(Image::Kind::kColor, 2 * kHeight, kHeight, {"R", "G", "B"});
-  const Vec3f x = environment_front(up), y = cross(up, x);
+  const Vec3f x = static_cast<Vec3f>(front_of(static_cast<Vec3d>(up))), y = cross(up, x);
   parallel_for(sky.height, kRows, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; ++row)
       for (std::size_t column = 0; column < sky.width; ++column) {
@@ -182,11 +182,6 @@ double sun_zenith_angle(Vec3f up, Vec3f to_sun) {
 
 }  // namespace
 
-Vec3f environment_front(Vec3f up) {
-  const Vec3f right = std::abs(up.x) > 0.5f ? Vec3f{0, 1, 0} : Vec3f{1, 0, 0};
-  return normalized(cross(right, up));
-}
-
 Environment uniform_environment(Vec3f radiance) {
   Environment environment;
   environment.sky = make_image(Image::Kind::kColor, 1, 1, {"R", "G", "B"});
@@ -262,8 +257,7 @@ Environment make_environment(const LightWords& words, const Camera& camera, Vec3
   environment.up = up;
   if (words.light != "sky" && words.light != "sun") return environment;
   const double azimuth = words.sun.azimuth * kPi / 180, elevation = words.sun.elevation * kPi / 180;
-  const Vec3d z = static_cast<Vec3d>(up), front = static_cast<Vec3d>(environment_front(up)),
-              left = cross(z, front);
+  const Vec3d z = static_cast<Vec3d>(up), front = front_of(z), left = cross(z, front);
   const Vec3f to_sun = static_cast<Vec3f>(
       (front * std::cos(azimuth) + left * std::sin(azimuth)) * std::cos(elevation) + z * std::sin(elevation));
   return words.light == "sky" ? sky_environment(up, to_sun) : sun_environment(up, to_sun);

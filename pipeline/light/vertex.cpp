@@ -4,13 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "pipeline/base/vector_math.h"
+
 namespace rbvh {
 namespace {
 
 constexpr float kRounding = 16 * std::numeric_limits<float>::epsilon();
 constexpr float kLeastFacing = 1e-2f;  // of a shading normal to its viewer
-
-Vec3f array3(const float a[3]) { return {a[0], a[1], a[2]}; }
 
 Vec3f clamped(Vec3f c) {
   return {std::clamp(c.x, 0.f, 1.f), std::clamp(c.y, 0.f, 1.f), std::clamp(c.z, 0.f, 1.f)};
@@ -66,6 +66,13 @@ Vertex make_vertex(const PathConfig& config, const Ray& ray, const Hit& hit, con
                                                  : surface.colors[i]);
   return v;
 }
+
+Ray ray_onto(Vec3f point, Vec3f normal) {
+  const Vec3f from = point + normal;
+  return {{from.x, from.y, from.z}, 0, {-normal.x, -normal.y, -normal.z}, 1};
+}
+
+Hit hit_at(Vec3f normal) { return {1, {normal.x, normal.y, normal.z}, 0, 0, 0, 0}; }
 
 float meet_ground(const Ground& ground, const Ray& ray, const Hit& hit) {
   const float falling = -dot(array3(ray.direction), ground.up),

@@ -22,6 +22,11 @@ struct Vertex {
 Vertex make_vertex(const PathConfig& config, const Ray& ray, const Hit& hit, const SurfaceSamples& surface,
                    std::size_t i);
 
+/// A white, matte point of a surface, as if a ray had come straight down on it: what ray_onto() and hit_at()
+/// make a vertex of.
+Ray ray_onto(Vec3f point, Vec3f normal);
+Hit hit_at(Vec3f normal);
+
 /// On the ground, at distance t.
 Vertex make_ground_vertex(const PathConfig& config, const Ray& ray, float t);
 

@@ -22,12 +22,6 @@ Vec3d rotate(Vec3d v, Vec3d axis, double degrees) {
   return v * c + cross(axis, v) * s + axis * (dot(axis, v) * (1 - c));
 }
 
-// From the object to the camera, for the view from the front.
-Vec3d front_of(Vec3d up_axis) {
-  const Vec3d right = std::abs(up_axis.x) > 0.5 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0};
-  return normalized(cross(right, up_axis));
-}
-
 struct Frame {
   Vec3d back, right, up;  // back: from the focal point to the camera
 };
@@ -85,6 +79,11 @@ double fit_middle(const Corners& corners, Vec3d axis, Vec3d back, double distanc
 }
 
 }  // namespace
+
+Vec3d front_of(Vec3d up_axis) {
+  const Vec3d right = std::abs(up_axis.x) > 0.5 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0};
+  return normalized(cross(right, up_axis));
+}
 
 Camera place_camera(const CameraWords& words, const Bounds3d& bounds, Vec3d up_axis, double aspect) {
   Camera camera;

@@ -242,9 +242,7 @@ class Collapse {
     find_neighbors(v);
     for (const std::uint32_t to : neighbors_) {
       if (is_rim_[v] != 0 && is_rim_[to] == 0) continue;
-      const double error = error_of(v, to);
-      if (error <= most_)
-        candidates_.push_back({static_cast<float>(error + length_weight_ * length(at_[to] - at_[v])), to});
+      if (const std::optional<Candidate> here = candidate(v, to)) candidates_.push_back(*here);
     }
   }
 

@@ -13,6 +13,8 @@ constexpr std::size_t kSample = 8191, kFewest = 8;
 /// The rest of a scan lies within this many interquartile ranges of its middle.
 constexpr double kNearRanges = 100;
 
+bool is_far(const Spread& spread, const Vec3d& p) { return is_finite(p) && !spread.is_within(p, kFarRanges); }
+
 }  // namespace
 
 std::optional<Spread> spread_of(std::span<const Vec3d> positions) {
@@ -46,9 +48,8 @@ Bounds3d near_bounds(std::span<const Vec3d> positions) {
 std::size_t count_far(std::span<const Vec3d> positions) {
   const std::optional<Spread> spread = spread_of(positions);
   if (!spread) return 0;
-  return static_cast<std::size_t>(std::count_if(positions.begin(), positions.end(), [&](const Vec3d& p) {
-    return is_finite(p) && !spread->is_within(p, kFarRanges);
-  }));
+  return static_cast<std::size_t>(
+      std::count_if(positions.begin(), positions.end(), [&](const Vec3d& p) { return is_far(*spread, p); }));
 }
 
 std::size_t drop_far(RawScan& scan) {
@@ -56,7 +57,7 @@ std::size_t drop_far(RawScan& scan) {
   if (!spread) return 0;
   std::size_t dropped = 0;
   for (Vec3d& p : scan.positions) {
-    if (!is_finite(p) || spread->is_within(p, kFarRanges)) continue;
+    if (!is_far(*spread, p)) continue;
     p.x = std::numeric_limits<double>::quiet_NaN();
     ++dropped;
   }
@@ -67,11 +68,10 @@ std::vector<std::string> precision_notes(const RawScan& scan) {
   std::vector<std::string> notes;
   if (const std::size_t far = count_far(scan.positions); far > 0) {
     const Spread spread = *spread_of(scan.positions);
-    const auto first = std::find_if(scan.positions.begin(), scan.positions.end(), [&](const Vec3d& p) {
-      return is_finite(p) && !spread.is_within(p, kFarRanges);
-    });
+    const Vec3d first = *std::find_if(scan.positions.begin(), scan.positions.end(),
+                                      [&](const Vec3d& p) { return is_far(spread, p); });
     notes.push_back(fmt::format("{} {} far from all the others, the first at {:g} {:g} {:g}: invalid points?",
-                                far, far == 1 ? "point lies" : "points lie", first->x, first->y, first->z));
+                                far, far == 1 ? "point lies" : "points lie", first.x, first.y, first.z));
   }
   // Whole numbers are floats, too, but were not rounded to them.
   bool is_float = true, is_whole = true;

@@ -138,7 +138,7 @@ TEST(EnvironmentSampler, TheSkyTurnsAboutUpFromItsFront) {
   environment.sky = make_image(Image::Kind::kColor, 4, 2, {"R", "G", "B"});
   for (std::size_t i = 0; i < 8; ++i) environment.sky.pixels[3 * i] = static_cast<float>(i + 1);
   const EnvironmentSampler sampler = make_sampler(environment);
-  const Vec3f front = environment_front(environment.up), left = cross(environment.up, front);
+  const Vec3f front = static_cast<Vec3f>(front_of({0, 0, 1})), left = cross(environment.up, front);
   EXPECT_EQ(front, (Vec3f{0, -1, 0}));
   const auto at = [&](float turn, float height) {
     const float phi = turn * 2 * static_cast<float>(kPi);
