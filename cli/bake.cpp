@@ -39,7 +39,7 @@ void run_bake(Context& context, BakeOptions& options) {
     throw Error(ErrorKind::kUsage, "",
                 "--light: " + light.words.light + " goes with a camera, and a layer has none");
   if (light.words.light.empty()) light.words.light = "white";
-  prepare_light(light, true);
+  prepare_light(light, true, context.memory);
   Asset pair = load(context, options.file);
   const std::vector<std::string> levels = levels_to_cast(
       context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);

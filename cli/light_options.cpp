@@ -5,6 +5,7 @@
 #include "cli/layer_options.h"
 #include "cli/parse.h"
 #include "io/environment_file.h"
+#include "pipeline/base/memory_budget.h"
 
 namespace rbvh {
 namespace {
@@ -98,7 +99,7 @@ void add_light_options(CLI::App& stage, LightOptions& options) {
       ->excludes("--light");
 }
 
-void prepare_light(LightOptions& options, bool has_aov) {
+void prepare_light(LightOptions& options, bool has_aov, const MemoryBudget& memory) {
   if (options.words.light.empty()) {
     if (!has_aov) refuse_options(options.declared, "", "is for pictures with --light");
     if (!has_aov && options.linear && options.cached.empty())
@@ -112,6 +113,7 @@ void prepare_light(LightOptions& options, bool has_aov) {
     throw Error(
         ErrorKind::kUsage, "",
         "--light: '" + options.words.light + "' is none of studio, headlight, sky, sun, white, and no file");
+  check_read_budget(memory, options.words.light);
   options.words.map = read_environment_map(options.words.light);
 }
 

@@ -25,7 +25,7 @@ void add_light_options(CLI::App& stage, LightOptions& options);
 void add_baked_light_options(CLI::App& stage, LightOptions& options);
 
 /// Throws Error(kUsage) where one of them is given and neither --light nor an AOV of light is; reads the file
-/// that --light names.
-void prepare_light(LightOptions& options, bool has_aov);
+/// that --light names, within `memory`.
+void prepare_light(LightOptions& options, bool has_aov, const MemoryBudget& memory);
 
 }  // namespace rbvh

@@ -64,7 +64,9 @@ Image::Kind kind_of(Aov aov) {
 }
 
 // Options that the pictures asked for have no use for.
-void check_use(RenderOptions& options) {
+void check_use(const RenderOptions& options) {
+  if (!options.light.cached.empty() && (options.aov != Aov::kShaded || !options.color_layer.empty()))
+    throw Error(ErrorKind::kUsage, "", "--cached is for shaded pictures in their own colours");
   if (options.aov != Aov::kShaded && !is_of_light(options.aov) &&
       (options.samples > 0 || !options.color_layer.empty() || !options.light.words.light.empty()))
     throw Error(ErrorKind::kUsage, "",
@@ -90,7 +92,7 @@ class Renderer {
     check_names_differ(names_, options_.files, levels.size() > 1 || (!levels.empty() && levels[0] == "all"),
                        words_.size() > 1 || options_.camera.turntable > 1);
     check_use(options_);
-    prepare_light(options_.light, is_of_light(options_.aov));
+    prepare_light(options_.light, is_of_light(options_.aov), context_.memory);
     const Resolution size = options_.camera.resolution;
     const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
     check_budget(context_.memory, pixels * kBytesPerPixel, context_.output, "a picture of that resolution");
@@ -139,6 +141,13 @@ class Renderer {
       report_exact(context_, configs_[0]);
       if (configs_.size() > 1) context_.report["compared_with"] = info(configs_[1].traversal).name;
     }
+    const std::string& bounce_level = options_.light.bounce_level;
+    std::unique_ptr<Tracer> coarse;
+    if (!bounce_level.empty() && asset.rbvh())
+      coarse = make_tracer(*device_, asset, choose_levels(asset, {bounce_level}).front(),
+                           scene_config(configs_[0]));
+    else if (!bounce_level.empty())
+      note(context_, "rbvh render: " + path + " has no levels; --bounce-level is ignored");
     std::size_t done = 0;
     for (const std::string& level : levels) {
       context_.phase_watch.lap();
@@ -152,7 +161,7 @@ class Renderer {
             "render", static_cast<double>(done++) / static_cast<double>(levels.size() * cameras.size()));
         const Image image =
             options_.compared.empty()
-                ? picture(asset, level, *tracers[0], cameras[frame])
+                ? picture(asset, level, *tracers[0], coarse ? *coarse : *tracers[0], cameras[frame])
                 : render_difference(*tracers[0], *tracers[1], cameras[frame], size.width, size.height,
                                     asset.bounds.diagonal(), differing_, &timings_);
         context_.phase_watch.lap();
@@ -178,7 +187,9 @@ class Renderer {
     return config;
   }
 
-  Image picture(const Asset& asset, const std::string& level, const Tracer& tracer, const Camera& camera) {
+  // `shadowing`: what shadows and bounces are cast at.
+  Image picture(const Asset& asset, const std::string& level, const Tracer& tracer, const Tracer& shadowing,
+                const Camera& camera) {
     RenderConfig config;
     config.width = options_.camera.resolution.width;
     config.height = options_.camera.resolution.height;
@@ -190,8 +201,12 @@ class Renderer {
     if (!options_.color_layer.empty()) config.colors = layer_colors(asset, level, options_.color_layer);
     const LightOptions& light = options_.light;
     Image image = !light.cached.empty()        ? by_layer(asset, level, tracer, camera, config)
-                  : !light.words.light.empty() ? by_paths(asset, level, tracer, camera, config)
+                  : !light.words.light.empty() ? by_paths(asset, level, tracer, shadowing, camera, config)
                                                : render(tracer, camera, config, &timings_);
+    const bool is_lit = !light.cached.empty() || !light.words.light.empty();
+    if (is_lit && options_.aov == Aov::kShaded && !light.linear &&
+        image_format(names_.text(), Image::Kind::kColor) != ImageFormat::kExr)
+      apply_filmic_curve(image);
     if (shows_nothing(image))
       warn(context_, asset.path + ": nothing is in view; the object's bounds and shift are in rbvh info");
     if (options_.aov == Aov::kPosition && !config.as_shown)
@@ -202,28 +217,20 @@ class Renderer {
   Image by_layer(const Asset& asset, const std::string& level, const Tracer& tracer, const Camera& camera,
                  const RenderConfig& shown) {
     const Level* lit = asset.rbvh() ? asset.rbvh()->find_level(level) : nullptr;
-    Image picture =
-        render_cached(tracer, baked_layer(asset, lit, options_.light.cached), camera, shown.width,
-                      shown.height, shown.samples > 0 ? shown.samples : kShadedSamples, &timings_);
-    if (!options_.light.linear) apply_filmic_curve(picture);
-    return picture;
+    return render_cached(tracer, baked_layer(asset, lit, options_.light.cached), camera, shown.width,
+                         shown.height, shown.samples > 0 ? shown.samples : kShadedSamples, &timings_);
   }
 
-  Image by_paths(const Asset& asset, const std::string& level, const Tracer& tracer, const Camera& camera,
-                 const RenderConfig& shown) {
+  Image by_paths(const Asset& asset, const std::string& level, const Tracer& tracer, const Tracer& shadowing,
+                 const Camera& camera, const RenderConfig& shown) {
     const LightOptions& light = options_.light;
-    std::unique_ptr<Tracer> coarse;
-    if (asset.rbvh() && !light.bounce_level.empty())
-      coarse = make_tracer(*device_, asset, choose_levels(asset, {light.bounce_level}).front(),
-                           scene_config(configs_[0]));
-    const Tracer& shadowing = coarse ? *coarse : tracer;
     PathConfig config = light.paths;
     config.width = shown.width;
     config.height = shown.height;
     config.colors = shown.colors;
     if (options_.samples > 0) config.samples = options_.samples;
     if (light.ground) config.ground = ground_below(asset, shown.up);
-    config.offset = path_offset(asset, level, coarse ? light.bounce_level : level);
+    config.offset = path_offset(asset, level, light.bounce_level.empty() ? level : light.bounce_level);
     if (options_.aov == Aov::kOcclusion)
       return trace_ambient_occlusion(tracer, shadowing, camera, static_cast<float>(light.distance), config,
                                      context_.progress.callback());
@@ -234,8 +241,6 @@ class Renderer {
     timings_.shade += picture.shade_seconds;
     timings_.rays += picture.rays;
     context_.report["paths"] = {{"samples", picture.samples}, {"noise", picture.noise}};
-    const bool is_exr = image_format(names_.text(), Image::Kind::kColor) == ImageFormat::kExr;
-    if (options_.aov == Aov::kShaded && !light.linear && !is_exr) apply_filmic_curve(picture.color);
     return std::move(image_of(picture, options_.aov));
   }
 

@@ -28,6 +28,9 @@ TEST_F(Bake, OcclusionIsThatOfPicturesAndTheSkyLightsFromAbove) {
   good("render lit.rbvh --level Q4 --cached sky --resolution 32,32 -o lit.png");
   good("render lit.rbvh --cached ao --resolution 32,32 -o both.png");  // layers that were there stay
   const Picture open = read_picture(path("ao.exr")), lit = read_picture(path("lit.png"));
+  // EXR has light as it is, also without being asked to.
+  good("render ao.rbvh --cached ao --samples 1 --resolution 32,32 -o same.exr");
+  EXPECT_EQ(read_picture(path("same.exr")).pixels, open.pixels);
   good("render ball.rbvh --aov ao --samples 64 --resolution 32,32 -o seen.exr");
   const Picture seen = read_picture(path("seen.exr"));
   double apart = 0, inside = 0;
@@ -67,7 +70,8 @@ TEST_F(Bake, IrradianceIsThePathTracersLight) {
 TEST_F(Bake, OptionsChangeTheLayer) {
   good("bake ball.rbvh --layer irradiance --samples 4 --layer-scale 0.25 -f -o a.rbvh");
   for (const char* words : {"--ground", "--material clay", "--seed 9"}) {
-    good("bake ball.rbvh --layer irradiance --samples 4 --layer-scale 0.25 -f -o b.rbvh " + std::string(words));
+    good("bake ball.rbvh --layer irradiance --samples 4 --layer-scale 0.25 -f -o b.rbvh " +
+         std::string(words));
     // Clay is what the ball is made of.
     EXPECT_EQ(read("a.atlas.tif") == read("b.atlas.tif"), std::string(words) == "--material clay") << words;
   }
@@ -82,6 +86,9 @@ TEST_F(Bake, WhatMakesNoSenseIsOneLine) {
   bad("bake ball.rbvh --layer sky --light studio -o x.rbvh", 2, "studio goes with a camera");
   bad("bake ball.ply --layer ao -o x.rbvh", 3, "ball.ply");
   bad("render ball.rbvh --cached ao -o x.png", 2, "no layer 'ao'");
+  bad("render ball.rbvh --cached ao --aov depth -o x.exr", 2, "--cached is for shaded pictures");
+  bad("render ball.rbvh --cached ao --aov ao -o x.png", 2, "--cached is for shaded pictures");
+  bad("render ball.rbvh --cached ao --color-layer wear -o x.png", 2, "--cached is for shaded pictures");
   bad("render ball.ply --cached ao -o x.png", 2, "no layer 'ao'");
 }
 

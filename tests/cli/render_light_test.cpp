@@ -54,6 +54,13 @@ TEST_F(Light, ReportsSamplesAndNoiseAndStopsInTime) {
   EXPECT_LT(report["paths"]["samples"], 1000000);
 }
 
+TEST_F(Light, SaysThatAScanHasNoLevelsForBounces) {
+  const ToolRun run =
+      tool("render ball.ply --light white --bounce-level Q3 --resolution 8,8 --samples 1 -o a.png");
+  EXPECT_EQ(run.code, 0);
+  EXPECT_NE(run.err.find("has no levels; --bounce-level is ignored"), std::string::npos) << run.err;
+}
+
 TEST_F(Light, AMapLightsAsItIs) {
   // A picture is a map as well: the ball's, on black.
   good("render ball.rbvh -o map.exr --resolution 64,32 --camera-view-angle 20");

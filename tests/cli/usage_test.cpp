@@ -58,7 +58,7 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("render a.ply -o a.png --memory lots", "--memory");
   expect_usage_error("render a.ply -o a.png --progress loud", "--progress");
   expect_usage_error("render a.ply -o a.png --aov colour", "--aov");
-  expect_usage_error("render a.ply -o a.png --samples 1000", "--samples");
+  expect_usage_error("render a.ply -o a.png --samples 2000000", "--samples");
   expect_usage_error("render a.ply -o a.png --turntable -3 ", "--turntable");
   expect_usage_error("render a.ply -o a.png --turntable 100001", "--turntable");
   expect_usage_error("render a.ply -o a.png --no-such-option", "--no-such-option");
