@@ -10,11 +10,13 @@
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "cli/views_options.h"
+#include "io/image_module.h"
 #include "io/input_file.h"
 #include "io/load_source.h"
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
 #include "io/report_text.h"
+#include "pipeline/device/open_meanwhile.h"
 #include "pipeline/measure/stored_fidelity.h"
 #include "pipeline/rbvh/build_options.h"
 #include "pipeline/rbvh/layers.h"
@@ -96,6 +98,8 @@ void run_build(Context& context, const BuildOptions& options) {
   config.levels = named_levels(options);
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_pair_output(context);
+  std::future<Device> opening = open_meanwhile(context.device);
+  const std::future<void> images = load_images_meanwhile();
 
   SourceScan source = load_source(options.file, context.memory);
   Scan& scan = source.scan;
@@ -112,7 +116,7 @@ void run_build(Context& context, const BuildOptions& options) {
   }
   time_phase(context, "load");
 
-  const Device device = Device::open(context.device);
+  const Device device = opening.get();
   BuildTimings timings;
   context.phase_watch.lap();
   Rbvh rbvh = with_file(

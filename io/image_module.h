@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <future>
 #include <span>
 #include <string>
 #include <string_view>
@@ -53,6 +54,10 @@ struct ImageModule {
 
 /// Loaded with its libraries by the first call. Throws Error(kFailure), naming `path`, where it cannot be.
 const ImageModule& image_module(const std::string& path);
+
+/// Loads it on another thread, while the caller computes; where it cannot be loaded, image_module() says so.
+/// To be called when no thread changes the environment any more, which libraries read.
+std::future<void> load_images_meanwhile();
 
 /// Its encode(): writers do not report every failed write, and OutputFile, which writes the bytes, does.
 /// Throws Error(kFailure), naming `path`.

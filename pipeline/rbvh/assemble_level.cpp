@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <span>
 #include <utility>
 
@@ -38,31 +37,34 @@ Vec3f center(const Scan& scan, std::uint32_t primitive) {
 /// bytes for them.
 void sort_into_strips(std::vector<std::uint32_t>& primitives, const Scan& scan) {
   std::sort(primitives.begin(), primitives.end());  // their order depends on other levels' splits
-  std::vector<unsigned int> indices, vertices, ordered;
+  std::vector<unsigned int> indices, vertices;
   for (const std::uint32_t i : primitives)
     indices.insert(indices.end(), scan.triangles[i].begin(), scan.triangles[i].end());
   // With numbers from 0 on: the leaf's own vertices.
   vertices = indices;
   std::sort(vertices.begin(), vertices.end());
   vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
-  std::map<std::array<unsigned int, 3>, std::vector<std::uint32_t>> by_corners;
-  for (std::size_t k = 0; k < primitives.size(); ++k) {
-    std::array<unsigned int, 3> corners;
-    for (std::size_t c = 0; c < 3; ++c) {
-      unsigned int& index = indices[3 * k + c];
-      index = static_cast<unsigned int>(std::lower_bound(vertices.begin(), vertices.end(), index) -
-                                        vertices.begin());
-      corners[c] = index;
-    }
-    by_corners[corners].push_back(primitives[k]);
-  }
-  ordered.resize(indices.size());
+  for (unsigned int& index : indices)
+    index = static_cast<unsigned int>(std::lower_bound(vertices.begin(), vertices.end(), index) -
+                                      vertices.begin());
+  using Corners = std::array<unsigned int, 3>;
+  const auto corners = [](const std::vector<unsigned int>& of, std::size_t k) {
+    return Corners{of[3 * k], of[3 * k + 1], of[3 * k + 2]};
+  };
+  std::vector<std::pair<Corners, std::uint32_t>> by_corners;
+  for (std::size_t k = 0; k < primitives.size(); ++k)
+    by_corners.push_back({corners(indices, k), primitives[k]});
+  std::sort(by_corners.begin(), by_corners.end());
+  std::vector<unsigned int> ordered(indices.size());
   meshopt_optimizeVertexCacheStrip(ordered.data(), indices.data(), indices.size(), vertices.size());
+  constexpr std::uint32_t kTaken = 0xffffffffu;
   for (std::size_t k = 0; k < primitives.size(); ++k) {
-    std::vector<std::uint32_t>& same =
-        by_corners.at({ordered[3 * k], ordered[3 * k + 1], ordered[3 * k + 2]});
-    primitives[k] = same.back();
-    same.pop_back();
+    // Of equal triangles the last that is left.
+    auto next = std::upper_bound(by_corners.begin(), by_corners.end(), corners(ordered, k),
+                                 [](const Corners& a, const auto& b) { return a < b.first; });
+    do --next;
+    while (next->second == kTaken);
+    primitives[k] = std::exchange(next->second, kTaken);
   }
 }
 
@@ -104,12 +106,12 @@ void add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives,
 /// Fills in the level's primitives and their leaves, whose tiles are `tiles[order[leaf]]`.
 void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
                       const std::vector<std::vector<std::uint32_t>>& of_tile, const Scan& scan,
-                      std::span<const std::uint32_t> first_at_place) {
+                      std::span<const Vec3f> places, std::span<const std::uint32_t> first_at_place) {
   if (std::none_of(tiles.begin(), tiles.end(),
                    [](const Tile& tile) { return tile.decision == LeafDecision::kPrimitives; }))
     return;
   const std::vector<Vec3f> normals = scan.normals.empty() ? vertex_normals(scan) : scan.normals;
-  PrimitiveVertices vertices(scan, normals, level.lattice, first_at_place, level.primitives);
+  PrimitiveVertices vertices(scan, normals, level.lattice, places, first_at_place, level.primitives);
   for (std::uint32_t leaf = 0; leaf < order.size(); ++leaf) {
     Tile& tile = tiles[order[leaf]];
     if (tile.decision != LeafDecision::kPrimitives) continue;
@@ -129,7 +131,11 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
 
 Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
                      const Lattice& lattice) {
-  const std::vector<std::uint32_t> first_at_place = drop_collapsed(refined, scan, lattice);
+  const std::vector<Vec3f> places = snapped_positions(lattice, scan);
+  std::vector<std::uint32_t> first_at_place;
+  if (!scan.is_cloud()) first_at_place = find_first_at_place(refined, scan, places);
+  // Where nothing is rounded, the scan's triangles stay as they are.
+  if (!scan.is_cloud() && lattice.step > 0) drop_collapsed(refined, scan, first_at_place, lattice);
   std::vector<Tile>& tiles = refined.tiles;
   Level level;
   level.name = config.name;
@@ -163,11 +169,11 @@ Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Sca
         sort_into_blocks(refined.held[k], scan);
       else
         sort_into_strips(refined.held[k], scan);
-      for (const std::uint32_t i : refined.held[k]) boxes[k].add(snapped_bounds(lattice, scan, i));
+      for (const std::uint32_t i : refined.held[k]) boxes[k].add(placed_bounds(places, scan, i));
     }
   });
   LeafHierarchy tree = build_leaf_hierarchy(boxes);
-  store_primitives(level, tiles, tree.order, refined.held, scan, first_at_place);
+  store_primitives(level, tiles, tree.order, refined.held, scan, places, first_at_place);
   level.nodes = std::move(tree.nodes);
   for (const std::uint32_t k : tree.order) {
     level.leaves.push_back(tiles[k].leaf);

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <deque>
 #include <future>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/stopwatch.h"
@@ -16,6 +18,7 @@
 #include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
 #include "pipeline/rbvh/snap_primitives.h"
+#include "pipeline/scan/radii.h"
 #include "pipeline/scan/simplify.h"
 
 namespace rbvh {
@@ -27,8 +30,8 @@ constexpr float kLeastArea = 1e-15f, kMostArea = 1e17f;
 /// At a build's peak: the scan and its primitives, and the tiles' texels.
 constexpr std::uint64_t kBytesPerVertex = 80, kBytesPerPrimitive = 160, kBytesPerTexel = 40;
 
-float checked_area(const BuildConfig& config, float own_area) {
-  const float area = config.area > 0 && own_area > 0 ? static_cast<float>(config.area) : own_area;
+float checked_area(const BuildConfig& config, double own_area) {
+  const auto area = static_cast<float>(config.area > 0 && own_area > 0 ? config.area : own_area);
   if (!(area > 0)) throw Error(ErrorKind::kInput, "", "the scan has no area");
   if (!(area >= kLeastArea && area <= kMostArea))
     throw Error(
@@ -55,13 +58,16 @@ Lattice lattice_of(float error, const Bounds3f& box) {
   return {box.lo, step};
 }
 
-LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float area, float diagonal,
-                    const Primitives& primitives, const BuildTuning& tuning) {
-  const LevelFacts facts{.is_cloud = primitives.discs,
+LevelRule make_rule(LevelConfig level, const BuildConfig& config, const Scan& scan, float area,
+                    float diagonal, const BuildTuning& tuning) {
+  const auto primitives =
+      static_cast<std::uint32_t>(scan.is_cloud() ? scan.positions.size() : scan.triangles.size());
+  if (scan.is_cloud()) level.rho = cloud_rho(level.rho, primitives);
+  const LevelFacts facts{.is_cloud = scan.is_cloud(),
                          .error = config.focus ? 0 : level.error,  // the density varies with the place
                          .rho = level.rho,
                          .texel = primitive_texel(static_cast<double>(area), level.rho) / diagonal,
-                         .primitives = primitives.count};
+                         .primitives = primitives};
   return {.level = level,
           .config = &config,
           .area = area,
@@ -70,12 +76,34 @@ LevelRule make_rule(const LevelConfig& level, const BuildConfig& config, float a
           .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
 
-Level build_of_primitives(const Scan& scan, const LevelRule& rule, const Lattice& lattice,
-                          BuildTimings& time) {
+std::vector<LevelRule> make_rules(const BuildConfig& config, const Scan& scan, float area, float diagonal,
+                                  const BuildTuning& tuning) {
+  std::vector<LevelRule> rules;
+  for (const LevelConfig& level : config.levels)
+    rules.push_back(make_rule(level, config, scan, area, diagonal, tuning));
+  return rules;
+}
+
+bool all_hold_primitives(std::span<const LevelRule> rules) {
+  return std::all_of(rules.begin(), rules.end(), [](const LevelRule& rule) { return rule.holds_primitives; });
+}
+
+/// Nothing in its construction keeps a level's error for sure: quadrics let a thin plate shrink in its plane.
+void sample_error(const Device& device, const Scan& scan, const Bounds3f& box, Level& level) {
+  if (level.error > 0)
+    level.reached =
+        static_cast<float>(sampled_error(device, level, scan) / static_cast<double>(box.diagonal()));
+}
+
+/// `simplified`: whose primitives it holds.
+Level build_of_primitives(const Device& device, const Scan& scan, const Scan& simplified,
+                          const LevelRule& rule, const Bounds3f& box, BuildTimings& time) {
   Stopwatch watch;
-  RefinedLevel groups = group_primitives(scan, lattice);
+  const Lattice lattice = lattice_of(rule.error, box);
+  RefinedLevel groups = group_primitives(simplified, lattice);
   time.partition += watch.lap();
-  Level level = assemble_level(rule.level, groups, scan, rule.area, lattice);
+  Level level = assemble_level(rule.level, groups, simplified, rule.area, lattice);
+  sample_error(device, scan, box, level);
   time.pack += watch.lap();
   return level;
 }
@@ -89,8 +117,8 @@ struct PrimitiveLevel {
 
 /// The levels of primitives, each simplified from the one before; a level is finished while the next is
 /// simplified.
-void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rules, const Bounds3f& box,
-                                std::vector<Level>& levels, BuildTimings& time) {
+void build_levels_of_primitives(const Device& device, const Scan& scan, std::span<const LevelRule> rules,
+                                const Bounds3f& box, std::vector<Level>& levels, BuildTimings& time) {
   std::deque<PrimitiveLevel> making;         // their addresses stay
   std::vector<std::future<Level>> finished;  // after what they read: they are waited for first
   const Scan* finer = &scan;
@@ -106,8 +134,8 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
       own.time.simplify = watch.lap();
       finer = &own.simplified;
     }
-    finished.push_back(std::async(std::launch::async, [&own, &rule, &box, finer] {
-      return build_of_primitives(*finer, rule, lattice_of(rule.error, box), own.time);
+    finished.push_back(std::async(std::launch::async, [&, finer, own = &own, rule = &rule] {
+      return build_of_primitives(device, scan, *finer, *rule, box, own->time);
     }));
   }
   for (std::size_t i = 0; i < making.size(); ++i) {
@@ -121,11 +149,44 @@ void build_levels_of_primitives(const Scan& scan, std::span<const LevelRule> rul
   }
 }
 
-/// Nothing in its construction keeps a level's error for sure: quadrics let a thin plate shrink in its plane.
-void sample_error(const Device& device, const Scan& scan, const Bounds3f& box, Level& level) {
-  if (level.error > 0)
-    level.reached =
-        static_cast<float>(sampled_error(device, level, scan) / static_cast<double>(box.diagonal()));
+/// What levels of tiles are made of.
+struct TileSource {
+  Primitives primitives;
+  Partition partition;
+};
+
+TileSource upload(const Device& device, const Scan& scan, const BuildConfig& config) {
+  Primitives primitives = upload_primitives(device, scan);
+  Partition root =
+      make_root(primitives, config.refinement == Refinement::kConeOfNormals, config.split, config.partition);
+  return {std::move(primitives), std::move(root)};
+}
+
+void build_levels_of_tiles(TileSource& source, const Scan& scan, std::span<const LevelRule> rules,
+                           const Bounds3f& box, const Progress& progress, std::vector<Level>& levels,
+                           BuildTimings& time) {
+  Stopwatch watch;
+  const Primitives& primitives = source.primitives;
+  // One tree serves all levels.
+  const auto any_level_splits = [&](const PartitionNode& node) {
+    return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& rule) {
+      return !rule.holds_primitives && wants_split(rule, node);
+    });
+  };
+  if (any_level_splits(source.partition.nodes[0]))
+    split_nodes(source.partition, primitives, {0}, any_level_splits, progress);
+  time.partition += watch.lap();
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    const LevelRule& rule = rules[i];
+    if (rule.holds_primitives) continue;
+    report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
+    Stopwatch level_watch;
+    RefinedLevel refined = refine_level(primitives, source.partition, rule, watch, time);
+    levels[i] = assemble_level(rule.level, refined, scan, rule.area, lattice_of(rule.error, box));
+    sample_error(primitives.device, scan, box, levels[i]);
+    time.pack += watch.lap();
+    time.levels[i] = {rule.level.name, level_watch.lap()};
+  }
 }
 
 }  // namespace
@@ -156,27 +217,18 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time = {};
   Stopwatch watch;
   report(progress, "upload", 0);
-  const Primitives primitives = upload_primitives(device, scan);
-  const bool cones = config.refinement == Refinement::kConeOfNormals;
-  Partition partition = make_root(primitives, cones, config.split, config.partition);
-  const float area = checked_area(config, partition.nodes[0].sums.area);
   const Bounds3f box = bounds(scan);
-  time.upload += watch.lap();
-
   std::vector<LevelRule> rules;
-  for (LevelConfig level : config.levels) {
-    if (primitives.discs) level.rho = cloud_rho(level.rho, primitives.count);
-    rules.push_back(make_rule(level, config, area, box.diagonal(), primitives, tuning));
+  if (!scan.is_cloud())
+    rules = make_rules(config, scan, checked_area(config, surface_area(scan)), box.diagonal(), tuning);
+  std::optional<TileSource> tiles;
+  if (scan.is_cloud() || !all_hold_primitives(rules)) {
+    tiles = upload(device, scan, config);
+    // Without the area of noise.
+    const float area = checked_area(config, static_cast<double>(tiles->partition.nodes[0].sums.area));
+    rules = make_rules(config, scan, area, box.diagonal(), tuning);
   }
-  // One tree serves all levels of tiles.
-  const auto any_level_splits = [&](const PartitionNode& node) {
-    return std::any_of(rules.begin(), rules.end(), [&](const LevelRule& rule) {
-      return !rule.holds_primitives && wants_split(rule, node);
-    });
-  };
-  if (any_level_splits(partition.nodes[0]))
-    split_nodes(partition, primitives, {0}, any_level_splits, progress);
-  time.partition += watch.lap();
+  time.upload += watch.lap();
 
   // The device makes the levels of tiles while the host makes those of primitives.
   Rbvh rbvh;
@@ -184,33 +236,23 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time.levels.resize(rules.size());
   BuildTimings host_time;
   host_time.levels.resize(rules.size());
-  std::future<void> of_primitives = std::async(
-      std::launch::async, [&] { build_levels_of_primitives(scan, rules, box, rbvh.levels, host_time); });
-  for (std::size_t i = 0; i < rules.size(); ++i) {
-    if (rules[i].holds_primitives) continue;
-    report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
-    Stopwatch level_watch;
-    RefinedLevel refined = refine_level(primitives, partition, rules[i], watch, time);
-    rbvh.levels[i] = assemble_level(rules[i].level, refined, scan, area, lattice_of(rules[i].error, box));
-    sample_error(device, scan, box, rbvh.levels[i]);
-    time.pack += watch.lap();
-    time.levels[i] = {rules[i].level.name, level_watch.lap()};
-  }
+  std::future<void> of_primitives = std::async(std::launch::async, [&] {
+    build_levels_of_primitives(device, scan, rules, box, rbvh.levels, host_time);
+  });
+  if (tiles) build_levels_of_tiles(*tiles, scan, rules, box, progress, rbvh.levels, time);
   of_primitives.get();
   time.simplify += host_time.simplify;
   time.partition += host_time.partition;
   time.pack += host_time.pack;
   for (std::size_t i = 0; i < rules.size(); ++i)
     if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
-  for (std::size_t i = 0; i < rules.size(); ++i)
-    if (rules[i].holds_primitives) sample_error(device, scan, box, rbvh.levels[i]);
   report(progress, "tiles", 1);
   rbvh.source.vertices = scan.positions.size();
   rbvh.source.triangles = scan.triangles.size();
-  rbvh.source.area = area;
+  rbvh.source.area = rules.front().area;
   rbvh.source.shift = scan.shift;
   if (!scan.units.empty()) rbvh.source.units = scan.units;
-  rbvh.source.bounds = bounds(scan);
+  rbvh.source.bounds = box;
   return rbvh;
 }
 

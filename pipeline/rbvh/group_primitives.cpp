@@ -57,10 +57,11 @@ class Groups {
 
 RefinedLevel group_primitives(const Scan& scan, const Lattice& lattice) {
   const std::size_t count = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
+  const std::vector<Vec3f> places = snapped_positions(lattice, scan);
   std::vector<Bounds3f> boxes(count);
   parallel_for(count, kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      boxes[i] = snapped_bounds(lattice, scan, static_cast<std::uint32_t>(i));
+      boxes[i] = placed_bounds(places, scan, static_cast<std::uint32_t>(i));
   });
   const Bvh bvh = build_sah_binned_bvh(boxes, kLeafBlockConfig);
   const std::vector<Range> ranges = ranges_of(bvh);

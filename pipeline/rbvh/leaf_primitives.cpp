@@ -1,11 +1,12 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 
-#include "pipeline/rbvh/leaf_rounding.h"
-#include "pipeline/scan/closest_point.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "pipeline/base/parallel_for.h"
+#include "pipeline/rbvh/leaf_rounding.h"
+#include "pipeline/scan/closest_point.h"
 
 namespace rbvh {
 namespace {
@@ -13,6 +14,7 @@ namespace {
 constexpr float kQuantaPerTexel = 256;
 /// A frame's rectangle has no more texels a side: a leaf of large triangles must not be laid out finely.
 constexpr float kMostSide = 256;
+constexpr std::size_t kGrain = 1 << 14;  // positions
 
 /// The mean of the corners' values by the point's weights.
 template <class Value>
@@ -92,7 +94,7 @@ RbvhPrimitive primitive_shape(const Scan& primitives, std::uint32_t primitive) {
 }
 
 Bounds3f primitive_bounds(const Scan& primitives, std::uint32_t primitive) {
-  return snapped_bounds({}, primitives, primitive);
+  return placed_bounds(primitives.positions, primitives, primitive);
 }
 
 std::int32_t lattice_number(const Lattice& lattice, Vec3f p, int axis) {
@@ -110,17 +112,25 @@ Vec3f snapped(const Lattice& lattice, Vec3f p) {
   return {along(0), along(1), along(2)};
 }
 
-Bounds3f snapped_bounds(const Lattice& lattice, const Scan& primitives, std::uint32_t primitive) {
+std::vector<Vec3f> snapped_positions(const Lattice& lattice, const Scan& primitives) {
+  if (!(lattice.step > 0)) return primitives.positions;
+  std::vector<Vec3f> places(primitives.positions.size());
+  parallel_for(places.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) places[i] = snapped(lattice, primitives.positions[i]);
+  });
+  return places;
+}
+
+Bounds3f placed_bounds(std::span<const Vec3f> places, const Scan& primitives, std::uint32_t primitive) {
   Bounds3f box;
   if (!primitives.radii.empty()) {
     const float r = unround_radius(round_radius(primitives.radii[primitive]));
-    const Vec3f p = snapped(lattice, primitives.positions[primitive]), radius{r, r, r};
+    const Vec3f p = places[primitive], radius{r, r, r};
     box.add(p - radius);
     box.add(p + radius);
     return box;
   }
-  for (const std::uint32_t i : primitives.triangles[primitive])
-    box.add(snapped(lattice, primitives.positions[i]));
+  for (const std::uint32_t i : primitives.triangles[primitive]) box.add(places[i]);
   return box;
 }
 

@@ -37,8 +37,10 @@ float lattice_place(const Lattice& lattice, std::int32_t number, int axis);
 
 /// The point of the lattice nearest to `p`; of a lattice of step 0, `p`.
 Vec3f snapped(const Lattice& lattice, Vec3f p);
-/// Of a primitive whose positions are moved to the lattice.
-Bounds3f snapped_bounds(const Lattice& lattice, const Scan& primitives, std::uint32_t primitive);
+/// Of all positions.
+std::vector<Vec3f> snapped_positions(const Lattice& lattice, const Scan& primitives);
+/// Of a primitive whose vertices are at other places.
+Bounds3f placed_bounds(std::span<const Vec3f> places, const Scan& primitives, std::uint32_t primitive);
 
 /// The point of a leaf's primitives nearest to `point`: which of the leaf's it lies on, and the weights there
 /// of the three corners (of a disc: the first).

@@ -31,29 +31,29 @@ std::uint64_t hash_of(Vec3f p) {
   return hash ^ (hash >> 29);
 }
 
-/// A hash table with linear probing, at most half full.
-std::vector<std::uint32_t> first_at_place(const RefinedLevel& level, const Scan& scan,
-                                          const Lattice& lattice) {
-  std::vector<std::uint32_t> first(scan.positions.size(), kNone), vertices;
+/// Of each of the scan's triangles whether it stays.
+std::vector<std::uint8_t> find_staying(const RefinedLevel& level, const Scan& scan,
+                                       std::span<const std::uint32_t> first_at_place, float largest_flap) {
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> numbers;  // in the scan
+  std::vector<std::int32_t> objects;
+  std::vector<std::uint8_t> stays(scan.triangles.size(), 0);
   for (const std::vector<std::uint32_t>& held : level.held)
-    for (const std::uint32_t i : held)
-      for (const std::uint32_t v : scan.triangles[i])
-        if (first[v] == kNone) {
-          first[v] = v;
-          vertices.push_back(v);
-        }
-  std::vector<Vec3f> places(vertices.size());
-  parallel_for(vertices.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) places[k] = snapped(lattice, scan.positions[vertices[k]]);
-  });
-  std::vector<std::uint32_t> slots(std::bit_ceil(2 * vertices.size() + 1), kNone);
-  for (std::uint32_t k = 0; k < vertices.size(); ++k) {
-    std::size_t at = hash_of(places[k]) & (slots.size() - 1);
-    while (slots[at] != kNone && places[slots[at]] != places[k]) at = (at + 1) & (slots.size() - 1);
-    if (slots[at] == kNone) slots[at] = k;
-    first[vertices[k]] = vertices[slots[at]];
-  }
-  return first;
+    for (const std::uint32_t i : held) {
+      const auto& [a, b, c] = scan.triangles[i];
+      const Triangle placed{first_at_place[a], first_at_place[b], first_at_place[c]};
+      if (placed[0] == placed[1] || placed[1] == placed[2] || placed[2] == placed[0]) continue;
+      stays[i] = 1;
+      triangles.push_back(placed);
+      numbers.push_back(i);
+      if (!scan.object_ids.empty()) objects.push_back(scan.object_ids[i]);
+    }
+  CoincidentCounts counts;
+  const std::vector<FaceFate> fates =
+      settle_coincident(triangles, scan.positions, objects, largest_flap, counts);
+  for (std::size_t k = 0; k < fates.size(); ++k)
+    if (fates[k] == FaceFate::kGoes || fates[k] == FaceFate::kSheetsBack) stays[numbers[k]] = 0;
+  return stays;
 }
 
 using Cell = std::array<std::int32_t, 3>;
@@ -167,10 +167,12 @@ void widen_thin_parts(Scan& scan, const Lattice& lattice) {
 }
 
 PrimitiveVertices::PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice,
+                                     std::span<const Vec3f> places,
                                      std::span<const std::uint32_t> first_at_place, Scan& to)
     : scan_(scan),
       normals_(normals),
       lattice_(lattice),
+      places_(places),
       first_at_place_(first_at_place),
       to_(to),
       numbers_(scan.positions.size(), kNone),
@@ -198,34 +200,37 @@ std::uint32_t PrimitiveVertices::add(std::uint32_t vertex) {
       if (are_alike(other, normal, vertex)) return number = other;
     before_.push_back(std::exchange(last, number));
   }
-  to_.positions.push_back(snapped(lattice_, scan_.positions[vertex]));
+  to_.positions.push_back(places_[vertex]);
   to_.normals.push_back(normal);
   if (!scan_.colors.empty()) to_.colors.push_back(scan_.colors[vertex]);
   return number;
 }
 
-std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan, const Lattice& lattice) {
-  if (scan.is_cloud()) return {};
-  std::vector<std::uint32_t> first = first_at_place(level, scan, lattice);
-  if (!(lattice.step > 0)) return first;  // nothing was rounded: the scan's triangles stay as they are
-  std::vector<Triangle> triangles;
-  std::vector<std::uint32_t> numbers;  // in the scan
-  std::vector<std::int32_t> objects;
-  std::vector<std::uint8_t> stays(scan.triangles.size(), 0);
+// A hash table with linear probing, at most half full.
+std::vector<std::uint32_t> find_first_at_place(const RefinedLevel& level, const Scan& scan,
+                                               std::span<const Vec3f> places) {
+  std::vector<std::uint32_t> first(scan.positions.size(), kNone), vertices;
   for (const std::vector<std::uint32_t>& held : level.held)
-    for (const std::uint32_t i : held) {
-      const Triangle &t = scan.triangles[i], placed{first[t[0]], first[t[1]], first[t[2]]};
-      if (placed[0] == placed[1] || placed[1] == placed[2] || placed[2] == placed[0]) continue;
-      stays[i] = 1;
-      triangles.push_back(placed);
-      numbers.push_back(i);
-      if (!scan.object_ids.empty()) objects.push_back(scan.object_ids[i]);
-    }
-  CoincidentCounts counts;
-  const std::vector<FaceFate> fates =
-      settle_coincident(triangles, scan.positions, objects, kLargestFold * lattice.step, counts);
-  for (std::size_t k = 0; k < fates.size(); ++k)
-    if (fates[k] == FaceFate::kGoes || fates[k] == FaceFate::kSheetsBack) stays[numbers[k]] = 0;
+    for (const std::uint32_t i : held)
+      for (const std::uint32_t v : scan.triangles[i])
+        if (first[v] == kNone) {
+          first[v] = v;
+          vertices.push_back(v);
+        }
+  std::vector<std::uint32_t> slots(std::bit_ceil(2 * vertices.size() + 1), kNone);
+  for (const std::uint32_t v : vertices) {
+    std::size_t at = hash_of(places[v]) & (slots.size() - 1);
+    while (slots[at] != kNone && places[slots[at]] != places[v]) at = (at + 1) & (slots.size() - 1);
+    if (slots[at] == kNone) slots[at] = v;
+    first[v] = slots[at];
+  }
+  return first;
+}
+
+void drop_collapsed(RefinedLevel& level, const Scan& scan, std::span<const std::uint32_t> first_at_place,
+                    const Lattice& lattice) {
+  const std::vector<std::uint8_t> stays =
+      find_staying(level, scan, first_at_place, kLargestFold * lattice.step);
   std::size_t left = 0;
   for (std::size_t k = 0; k < level.tiles.size(); ++k) {
     const bool holds = level.tiles[k].decision == LeafDecision::kPrimitives;
@@ -244,7 +249,6 @@ std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan,
   }
   level.tiles.resize(left);
   level.held.resize(left);
-  return first;
 }
 
 }  // namespace rbvh

@@ -18,20 +18,24 @@ inline constexpr float kSameNormal = 0.94f;
 /// triangles at an edge or in a cell, moves a vertex or two of one of them by a step.
 void widen_thin_parts(Scan& scan, const Lattice& lattice);
 
-/// Where there is a lattice, takes triangles out of the leaves that hold these: those of which the lattice
-/// leaves no area, and those that settle_coincident() takes there, flaps as large as at ingest. Leaves that
-/// are left empty go, but for the last. Returns for each vertex that is held the first at its place on the
-/// lattice; of a cloud nothing.
-std::vector<std::uint32_t> drop_collapsed(RefinedLevel& level, const Scan& scan, const Lattice& lattice);
+/// For each vertex of the leaves' triangles the first of them at its place.
+std::vector<std::uint32_t> find_first_at_place(const RefinedLevel& level, const Scan& scan,
+                                               std::span<const Vec3f> places);
+
+/// Takes triangles out of the leaves that hold these: those that have no area at their places, and those that
+/// settle_coincident() takes there, flaps up to kLargestFold of the lattice's steps. Leaves that are left
+/// empty go, but for the last.
+void drop_collapsed(RefinedLevel& level, const Scan& scan, std::span<const std::uint32_t> first_at_place,
+                    const Lattice& lattice);
 
 /// Gathers the vertices that a level's primitives use, numbered by first use. Those of triangles that are at
 /// one place on the lattice are one, unless their normals or colours differ: two sides of an edge that the
 /// scan has.
 class PrimitiveVertices {
  public:
-  /// `first_at_place`: drop_collapsed()'s.
+  /// `places`: where the scan's vertices lie on the lattice. `first_at_place`: of these; of discs none.
   PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice,
-                    std::span<const std::uint32_t> first_at_place, Scan& to);
+                    std::span<const Vec3f> places, std::span<const std::uint32_t> first_at_place, Scan& to);
 
   /// The number of the scan's vertex.
   std::uint32_t add(std::uint32_t vertex);
@@ -42,6 +46,7 @@ class PrimitiveVertices {
   const Scan& scan_;
   std::span<const Vec3f> normals_;
   const Lattice& lattice_;
+  std::span<const Vec3f> places_;
   std::span<const std::uint32_t> first_at_place_;
   Scan& to_;
   std::vector<std::uint32_t> numbers_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -41,8 +42,9 @@ std::vector<std::uint32_t> first_at_place(const Scan& scan) {
   return first_alike(scan, {{scan.positions.data(), sizeof(Vec3f), sizeof(Vec3f)}});
 }
 
-/// Vertices that agree in all they have are one.
-std::vector<std::uint32_t> weld(const Scan& scan) {
+/// Vertices that agree in all they have are one. `places`: of each the first at its place.
+std::vector<std::uint32_t> weld(const Scan& scan, const std::vector<std::uint32_t>& places) {
+  if (scan.normals.empty() && scan.colors.empty()) return places;
   std::vector<meshopt_Stream> streams = {{scan.positions.data(), sizeof(Vec3f), sizeof(Vec3f)}};
   if (!scan.normals.empty()) streams.push_back({scan.normals.data(), sizeof(Vec3f), sizeof(Vec3f)});
   if (!scan.colors.empty()) streams.push_back({scan.colors.data(), sizeof(Color8), sizeof(Color8)});
@@ -109,13 +111,8 @@ struct Object {
   std::vector<Triangle> triangles;
 };
 
-/// Halves the triangles along the longest axis until they are few enough.
-void split_parts(const Object& object, std::span<std::uint32_t> triangles,
-                 std::vector<std::span<std::uint32_t>>& parts) {
-  if (triangles.size() <= kPartTriangles) {
-    parts.push_back(triangles);
-    return;
-  }
+/// Orders triangles so that one half lies before the other along the longest axis.
+void halve(const Object& object, std::span<std::uint32_t> triangles) {
   const auto first_corner = [&](std::uint32_t i) { return object.positions[object.triangles[i][0]]; };
   Bounds3f box;
   for (const std::uint32_t i : triangles) box.add(first_corner(i));
@@ -126,8 +123,28 @@ void split_parts(const Object& object, std::span<std::uint32_t> triangles,
     const float at_a = first_corner(a)[axis], at_b = first_corner(b)[axis];
     return at_a < at_b || (at_a == at_b && a < b);
   });
-  split_parts(object, triangles.first(triangles.size() / 2), parts);
-  split_parts(object, triangles.subspan(triangles.size() / 2), parts);
+}
+
+/// Halves the triangles until they are few enough.
+std::vector<std::span<std::uint32_t>> split_parts(const Object& object, std::span<std::uint32_t> triangles) {
+  std::vector<std::span<std::uint32_t>> parts = {triangles};
+  const auto is_large = [](const auto& part) { return part.size() > kPartTriangles; };
+  while (std::any_of(parts.begin(), parts.end(), is_large)) {
+    parallel_for(parts.size(), 1, [&](std::size_t i, std::size_t) {
+      if (is_large(parts[i])) halve(object, parts[i]);
+    });
+    std::vector<std::span<std::uint32_t>> halves;
+    for (const auto& part : parts) {
+      if (!is_large(part)) {
+        halves.push_back(part);
+        continue;
+      }
+      halves.push_back(part.first(part.size() / 2));
+      halves.push_back(part.subspan(part.size() / 2));
+    }
+    parts = std::move(halves);
+  }
+  return parts;
 }
 
 /// A part as it is and as it becomes.
@@ -181,8 +198,7 @@ void replace(Object& object, std::vector<Triangle> kept, const std::vector<Part>
 std::vector<std::uint8_t> simplify_parts(Object& object, float error) {
   std::vector<std::uint32_t> triangles(object.triangles.size());
   std::iota(triangles.begin(), triangles.end(), 0u);
-  std::vector<std::span<std::uint32_t>> parts;
-  split_parts(object, triangles, parts);
+  const std::vector<std::span<std::uint32_t>> parts = split_parts(object, triangles);
   std::vector<std::uint8_t> is_shared(object.positions.size());
   std::vector<std::uint32_t> part_of(object.positions.size());  // 1 + the last part that uses the place
   for (std::uint32_t k = 0; k < parts.size(); ++k)
@@ -233,7 +249,7 @@ void simplify_object(Object& object, float error) {
 std::map<std::int32_t, std::vector<Triangle>> by_object(const Scan& scan,
                                                         const std::vector<std::uint32_t>& places,
                                                         float error) {
-  const std::vector<std::uint32_t> first_of = weld(scan);
+  const std::vector<std::uint32_t> first_of = weld(scan, places);
   std::vector<Triangle> triangles = scan.triangles;
   for (Triangle& t : triangles)
     for (std::uint32_t& corner : t) corner = first_of[corner];
@@ -255,13 +271,17 @@ constexpr float kNarrow = 0.5f, kFinerStep = 1.0f / 8;
 constexpr int kMostSteps = 6;
 
 bool is_fine(const Scan& scan, float width) {
-  std::size_t narrow = 0;
-  for (const Triangle& t : scan.triangles) {
-    const Vec3f a = scan.positions[t[0]], b = scan.positions[t[1]], c = scan.positions[t[2]];
-    const float twice = length(cross(b - a, c - a)),
-                longest = std::max({length(b - a), length(c - b), length(a - c)});
-    if (twice > 0 && twice < width * longest) ++narrow;
-  }
+  std::atomic<std::size_t> narrow = 0;
+  parallel_for(scan.triangles.size(), kPartTriangles, [&](std::size_t begin, std::size_t end) {
+    narrow += static_cast<std::size_t>(std::count_if(
+        scan.triangles.begin() + static_cast<std::ptrdiff_t>(begin),
+        scan.triangles.begin() + static_cast<std::ptrdiff_t>(end), [&](const Triangle& t) {
+          const Vec3f a = scan.positions[t[0]], b = scan.positions[t[1]], c = scan.positions[t[2]];
+          const float twice = length(cross(b - a, c - a)),
+                      longest = std::max({length(b - a), length(c - b), length(a - c)});
+          return twice > 0 && twice < width * longest;
+        }));
+  });
   return static_cast<double>(narrow) > kMostNarrow * static_cast<double>(scan.triangles.size());
 }
 
