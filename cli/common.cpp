@@ -79,15 +79,19 @@ void begin_stage(Context& context) {
   context.report = {{"stage", context.stage}, {"version", RBVH_VERSION}};
 }
 
+void write_report(Context& context) {
+  context.report["timings"]["total"] = context.stage_watch.lap();
+  OutputFile file(context.report_path, context.force);
+  file.write(json_text(context.report));
+  file.commit();
+}
+
 void end_stage(Context& context) {
   context.progress.finish();
   if (g_log_failed)
     throw Error(ErrorKind::kFailure, context.log_path, "the log could not be written to its end");
   if (context.report_path.empty()) return;
-  context.report["timings"]["total"] = context.stage_watch.lap();
-  OutputFile file(context.report_path, context.force);
-  file.write(json_text(context.report));
-  file.commit();
+  write_report(context);
 }
 
 }  // namespace
@@ -179,6 +183,16 @@ void print_error(Context& context, const std::string& line) {
   const std::string who = context.stage.empty() ? "rbvh:" : "rbvh " + context.stage + ":";
   context.progress.print_line((use_color(context) ? "\033[31m" + who + "\033[0m " : who + " ") + line);
   to_log(spdlog::level::err, line);
+}
+
+void report_failure(Context& context, const std::string& line, int exit_code) {
+  if (context.report_path.empty() || context.report.is_null()) return;
+  context.report["error"] = line;
+  context.report["exit_code"] = exit_code;
+  try {
+    write_report(context);
+  } catch (const Error&) {  // the failure itself has been said
+  }
 }
 
 double time_phase(Context& context, const std::string& name) {

@@ -105,6 +105,9 @@ void warn(Context& context, const std::string& text);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
 
+/// Writes what --report asked for with the keys error and exit_code, where the stage had begun.
+void report_failure(Context& context, const std::string& line, int exit_code);
+
 /// Adds the seconds since the last call, or since the stage began, to the report's timing of that name.
 /// Returns them.
 double time_phase(Context& context, const std::string& name);

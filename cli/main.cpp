@@ -69,6 +69,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_paint(app, context);
   add_sample(app, context);
   add_bake(app, context);
+  add_batch(app, context);
   add_info(app, context);
   add_validate(app, context);
   add_devices(app, context);
@@ -135,6 +136,7 @@ int main(int argc, char** argv) {
   if (code != ExitCode::kOk) {
     std::fflush(stdout);
     rbvh::print_error(context, rbvh::one_line(what));
+    rbvh::report_failure(context, rbvh::one_line(what), static_cast<int>(code));
   }
   return static_cast<int>(code);
 }

@@ -88,6 +88,8 @@ Json levels_json(const Rbvh& rbvh, const BuildTimings& timings) {
                     {"primitive_leaves", level.primitive_leaves.size()},
                     {"texels", std::uint64_t{level.atlas_width} * level.atlas_height},
                     {"texels_used", level.texels_used},
+                    {"error", level.error},
+                    {"reached", level.reached},
                     {"seconds", timings.levels[i].seconds},
                     {"fidelity", fidelity_json(level.fidelity)}});
   }

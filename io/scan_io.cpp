@@ -108,6 +108,8 @@ void append_filled(std::vector<T>& all, std::size_t count, std::vector<T>&& more
 
 }  // namespace
 
+bool has_scan_extension(const std::string& path) { return reader_by_extension(path) != nullptr; }
+
 RawScan parse_scan(std::string_view bytes, const std::string& path, const TextColumns& columns) {
   const std::string name = input_name(path);
   for (const Foreign& foreign : kForeign)

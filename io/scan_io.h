@@ -22,6 +22,9 @@ namespace rbvh {
 /// `columns` are those of text clouds; where they are given, Error(kUsage) for any other format.
 RawScan read_scan(const std::string& path, const TextColumns& columns = {});
 
+/// Whether a file's name is that of a scan.
+bool has_scan_extension(const std::string& path);
+
 /// The same from bytes in memory; `path` gives the extension and the name in messages.
 RawScan parse_scan(std::string_view bytes, const std::string& path, const TextColumns& columns = {});
 

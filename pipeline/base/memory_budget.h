@@ -7,6 +7,9 @@
 
 namespace rbvh {
 
+/// Bytes that work may take: the budget, else what the machine has and the process's control group allows.
+std::uint64_t memory_limit(const MemoryBudget& budget);
+
 /// Throws Error(kBudget) when `bytes` for `what` ("reading it") of `file` is over the budget.
 void check_budget(const MemoryBudget& budget, std::uint64_t bytes, const std::string& file,
                   const std::string& what);

@@ -1,0 +1,118 @@
+// rbvh batch: a chain of stages over many scans.
+#include <filesystem>
+#include <memory>
+
+#include "batch/batch_table.h"
+#include "batch/run_batch.h"
+#include "cli/common.h"
+#include "cli/exit_code.h"
+#include "cli/remedies.h"
+#include "cli/stages.h"
+#include "io/output_file.h"
+#include "pipeline/base/parallel_for.h"
+
+namespace rbvh {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Shard {
+  std::size_t index = 1, count = 1;
+};
+
+struct BatchOptions {
+  std::vector<std::string> inputs;
+  std::string chain;
+  int jobs = 0;
+  Shard shard;
+};
+
+Shard parse_shard(std::string_view text) {
+  const std::size_t slash = std::min(text.find('/'), text.size());
+  const int index = parse_positive(text.substr(0, slash));
+  const int count = parse_positive(text.substr(std::min(slash + 1, text.size())));
+  if (index > count)
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not I/N with I up to N");
+  return {static_cast<std::size_t>(index), static_cast<std::size_t>(count)};
+}
+
+std::string parse_file(std::string_view text) { return std::string(text); }
+
+Chain chain_of(const BatchOptions& options) {
+  Chain chain = options.chain.empty() ? default_chain() : read_chain(options.chain);
+  chain.inputs.insert(chain.inputs.end(), options.inputs.begin(), options.inputs.end());
+  if (chain.inputs.empty())
+    throw Error(ErrorKind::kUsage, "", "which scans? Name files, folders or a --chain with inputs");
+  return chain;
+}
+
+void write_whole(const std::string& path, const std::string& text) {
+  OutputFile file(path, true);
+  file.write(text);
+  file.commit();
+}
+
+void write_tables(const std::string& output, const Shard& part, const nlohmann::ordered_json& table) {
+  const std::string name =
+      part.count == 1 ? "batch" : "batch-" + std::to_string(part.index) + "-of-" + std::to_string(part.count);
+  write_whole((fs::path(output) / (name + ".json")).string(),
+              table.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  write_whole((fs::path(output) / (name + ".csv")).string(), batch_csv(table));
+}
+
+void run_stage(Context& context, const BatchOptions& options) {
+  const Chain chain = chain_of(options);
+  const std::string output = fs::weakly_canonical(fs::absolute(context.output)).string();
+  const FoundScans found = find_scans(chain.inputs, output);
+  std::error_code code;
+  fs::create_directory(output, code);
+  if (!fs::is_directory(output))
+    throw Error(ErrorKind::kFailure, context.output, "is no folder, and none can be made there");
+  std::vector<BatchScan> scans = shard(found.scans, options.shard.index, options.shard.count);
+  for (BatchScan& scan : scans) scan.path = fs::absolute(scan.path).string();
+  if (found.others > 0)
+    note(context, "rbvh batch: " + counted(found.others, "file") + " left out: no scans by their names");
+  BatchConfig config{.output = output,
+                     .force = context.force,
+                     .jobs = options.jobs > 0 ? options.jobs : thread_count(),
+                     .threads = thread_count(),
+                     .memory = memory_limit(context.memory),
+                     .device = context.device};
+  const auto results = run_batch(chain, scans, config, [&](const ScanResult& result, std::size_t done) {
+    context.progress.update("batch", static_cast<double>(done) / static_cast<double>(scans.size()));
+    if (result.state == ScanResult::State::kFailed)
+      print_error(context, error_line(*result.error));
+    else
+      detail(context, "rbvh batch: " + result.scan.name +
+                          (result.state == ScanResult::State::kDone ? " done" : " up to date"));
+  });
+  context.progress.finish();
+  const nlohmann::ordered_json table = batch_json(results);
+  write_tables(output, options.shard, table);
+  context.report.update(table);
+  const auto& counts = table["counts"];
+  note(context, "rbvh batch: " + counted(scans.size(), "scan") + ": " + counts["done"].dump() + " done, " +
+                    counts["up_to_date"].dump() + " up to date, " + counts["failed"].dump() + " failed");
+  if (counts["failed"] > 0)
+    throw BatchFailure(counts["failed"].dump() + " of " + counted(scans.size(), "scan") +
+                       " failed, as said above");
+}
+
+}  // namespace
+
+void add_batch(CLI::App& app, Context& context) {
+  const auto options = std::make_shared<BatchOptions>();
+  CLI::App* stage = add_stage(
+      app, context,
+      {"batch", "Run a chain of stages over many scans; what is up to date is left alone",
+       "rbvh batch scans/ -o out"},
+      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_stage(context, *options); });
+  stage->add_option("IN", options->inputs, "scans, folders of scans, patterns");
+  add_parsed(*stage, "--chain", options->chain, parse_file, "FILE.json",
+             "the steps, and scans (default: ingest, build, render)");
+  add_parsed(*stage, "--jobs", options->jobs, parse_positive, "N",
+             "scans at once (default: one a thread); they share --threads and --memory");
+  add_parsed(*stage, "--shard", options->shard, parse_shard, "I/N", "only part I of N, for schedulers");
+}
+
+}  // namespace rbvh
