@@ -87,7 +87,7 @@ void check_keys(const nlohmann::json& object, const std::set<std::string>& known
   for (const auto& [key, value] : object.items())
     if (!known.contains(key)) {
       std::string names;
-      for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
+      for (const std::string& name : known) names.append(names.empty() ? "" : ", ").append(name);
       refuse(path, "\"" + key + "\" is no key here; there are " + names);
     }
 }
@@ -123,7 +123,7 @@ void check_output_name(const ChainStep& step, const std::string& path) {
     refuse(path, "step '" + step.name + "': its output lacks {name}, so that all scans would have the same");
 }
 
-void check_fields(const ChainStep& step, std::set<std::string> known, const std::string& path) {
+void check_fields(const ChainStep& step, const std::set<std::string>& known, const std::string& path) {
   std::vector<std::string> texts = step.options;
   texts.push_back(step.input);
   for (const std::string& text : texts)

@@ -290,6 +290,7 @@ std::vector<ScanResult> run_batch(const Chain& chain, const std::vector<BatchSca
     }
   };
   std::vector<std::thread> workers;
+  workers.reserve(static_cast<std::size_t>(jobs));
   for (int job = 0; job < jobs; ++job) workers.emplace_back(work);
   for (std::thread& worker : workers) worker.join();
   std::sort(too_large.begin(), too_large.end());
