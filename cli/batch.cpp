@@ -62,6 +62,7 @@ void write_tables(const std::string& output, const Shard& part, const nlohmann::
 
 void run_stage(Context& context, const BatchOptions& options) {
   const Chain chain = chain_of(options);
+  check_paths_differ(context, {options.chain}, {});
   const std::string output = fs::weakly_canonical(fs::absolute(context.output)).string();
   const FoundScans found = find_scans(chain.inputs, output);
   std::error_code code;

@@ -96,7 +96,7 @@ void end_stage(Context& context) {
 
 }  // namespace
 
-void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
+void check_paths_differ(Context& context, const std::vector<std::string>& inputs,
                         std::vector<std::string> outputs) {
   for (const std::string& path : inputs)
     if (path.size() == 2 && path[0] == 'Q' && path[1] >= '0' && path[1] <= '9' &&
@@ -105,6 +105,7 @@ void check_paths_differ(const Context& context, const std::vector<std::string>& 
   outputs.push_back(context.report_path);
   outputs.push_back(context.log_path);
   check_paths_differ(inputs, outputs);
+  context.paths_differ = true;
 }
 
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
@@ -186,7 +187,7 @@ void print_error(Context& context, const std::string& line) {
 }
 
 void report_failure(Context& context, const std::string& line, int exit_code) {
-  if (context.report_path.empty() || context.report.is_null()) return;
+  if (context.report_path.empty() || !context.paths_differ) return;
   context.report["error"] = line;
   context.report["exit_code"] = exit_code;
   try {

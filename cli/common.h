@@ -41,6 +41,7 @@ struct Context {
   bool no_color = false;
   ProgressMode progress_mode = ProgressMode::kAuto;
   std::string report_path;
+  bool paths_differ = false;  ///< checked: the report overwrites neither input nor output
 
   ProgressReporter progress;
   nlohmann::ordered_json report;  ///< for --report: a stage adds counts, timings, bytes
@@ -62,7 +63,7 @@ enum CommonOption : unsigned {
 };
 
 /// The same of outputs, report and log.
-void check_paths_differ(const Context& context, const std::vector<std::string>& inputs,
+void check_paths_differ(Context& context, const std::vector<std::string>& inputs,
                         std::vector<std::string> outputs);
 
 /// Declares a stage. `work` runs after all options have been read, with threads, log and progress set up.
@@ -105,7 +106,8 @@ void warn(Context& context, const std::string& text);
 /// The one line of an error, to stderr and the log.
 void print_error(Context& context, const std::string& line);
 
-/// Writes what --report asked for with the keys error and exit_code, where the stage had begun.
+/// Writes what --report asked for with the keys error and exit_code, where the stage had begun and its paths
+/// differ.
 void report_failure(Context& context, const std::string& line, int exit_code);
 
 /// Adds the seconds since the last call, or since the stage began, to the report's timing of that name.

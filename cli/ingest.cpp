@@ -88,6 +88,7 @@ RawScan read_inputs(Context& context, const IngestOptions& options) {
 
 void run_ingest(Context& context, const IngestOptions& options) {
   check_extension(context.output);
+  check_paths_differ(context, options.inputs, {context.output});
   check_output(context.output, context.force);
   RawScan all = read_inputs(context, options);
   if (!all.triangles.empty())

@@ -92,6 +92,14 @@ TEST_F(Batch, NamesWhatFailsAndDoesTheRest) {
   EXPECT_EQ(counts(), "1 3 0");
 }
 
+TEST_F(Batch, ReportsAreWrittenWhereAStageFails) {
+  write("bad.ply", "ply\n");
+  EXPECT_EQ(tool("ingest bad.ply -o x.ply --report r.json").code, 3);
+  const json report = json::parse(read("r.json"));
+  EXPECT_EQ(report["exit_code"], 3);
+  EXPECT_NE(report["error"].get<std::string>().find("bad.ply"), std::string::npos);
+}
+
 TEST_F(Batch, GoesOnWhereItWasKilled) {
   shell("timeout -s KILL 0.3 '" RBVH_TOOL "' batch scans -o out --jobs 1");
   ASSERT_EQ(tool("batch scans -o out").code, 0);

@@ -44,6 +44,8 @@ TEST_F(Usage, NoPathIsBothReadAndWritten) {
   expect_usage_error("trace a.ply --rays r.npy -o a.ply -f", "is named twice");
   expect_usage_error("proxy a.ply -o a.obj --report a.vdm.exr", "is named twice");
   expect_usage_error("render a.ply -o a.png --report a.ply -f", "is named twice");
+  expect_usage_error("ingest a.ply -o b.ply --report a.ply -f", "is named twice");
+  expect_usage_error("ingest a.ply -o a.ply -f", "is named twice");
 }
 
 TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
