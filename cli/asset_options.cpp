@@ -13,20 +13,8 @@ namespace {
 
 constexpr std::pair<std::string_view, bool> kCoordinates[] = {{"file", false}, {"shifted", true}};
 
-std::vector<std::string> parse_level_list(std::string_view text) {
-  try {
-    return parse_list(text);
-  } catch (const Error& error) {
-    throw Error(ErrorKind::kUsage, "", std::string("--level: ") + error.what());
-  }
-}
-
 std::uint32_t parse_tessellate(std::string_view text) {
-  const std::int64_t level = parse_integer(text);
-  if (level < 0 || level > PATCH_MOST_LEVEL)
-    throw Error(ErrorKind::kUsage, "",
-                "'" + std::string(text) + "' is not between 0 and " + std::to_string(PATCH_MOST_LEVEL));
-  return static_cast<std::uint32_t>(level);
+  return static_cast<std::uint32_t>(parse_integer_between(text, 0, PATCH_MOST_LEVEL));
 }
 
 }  // namespace
@@ -101,8 +89,12 @@ CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels,
   CLI::Option* option = stage.add_option_function<std::vector<std::string>>(
       "--level",
       [&levels, several](const std::vector<std::string>& words) {
-        for (const std::string& word : words)
-          for (const std::string& name : parse_level_list(word)) levels.push_back(name);
+        try {
+          for (const std::string& word : words)
+            for (const std::string& name : parse_list(word)) levels.push_back(name);
+        } catch (const Error& error) {
+          throw Error(ErrorKind::kUsage, "", std::string("--level: ") + error.what());
+        }
         if (!several && (levels.size() > 1 || levels[0] == "all"))
           throw Error(ErrorKind::kUsage, "", "--level: one level is wanted");
       },

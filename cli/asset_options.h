@@ -19,6 +19,11 @@ Asset load(Context& context, const std::string& path, LoadConfig config = {});
 /// Throws Error(kInput) for any other file.
 void check_is_pair(const std::string& path);
 
+/// For stages that take all levels unless told otherwise.
+inline std::vector<std::string> or_all(const std::vector<std::string>& levels) {
+  return levels.empty() ? std::vector<std::string>{"all"} : levels;
+}
+
 /// choose_levels(), with a note where there are none to choose from.
 std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
                                         const std::vector<std::string>& wanted, bool has_auto = false);

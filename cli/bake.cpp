@@ -9,7 +9,6 @@
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
-#include "io/report_json.h"
 #include "pipeline/light/bake_layer.h"
 
 namespace rbvh {
@@ -27,7 +26,7 @@ struct BakeOptions {
   LightOptions light;
 };
 
-int parse_rays(std::string_view text) { return parse_positive_up_to(text, 1 << 20); }
+int parse_rays(std::string_view text) { return parse_integer_between(text, 1, 1 << 20); }
 
 void run_bake(Context& context, BakeOptions& options) {
   check_paths_differ(context, {options.file, atlas_path(options.file)},
@@ -41,11 +40,9 @@ void run_bake(Context& context, BakeOptions& options) {
   if (light.words.light.empty()) light.words.light = "white";
   prepare_light(light, true, context.memory);
   Asset pair = load(context, options.file);
-  const std::vector<std::string> levels = levels_to_cast(
-      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const std::vector<std::string> levels = levels_to_cast(context, pair, or_all(options.levels));
   time_phase(context, "load");
-  const Device device = Device::open(context.device);
-  context.report["device"] = device_json(device.info());
+  const Device device = open_device(context);
   const Vec3f up = static_cast<Vec3f>(pair.up_axis());
   PathConfig config = light.paths;
   config.samples = options.samples;

@@ -5,7 +5,6 @@
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
-#include "cli/error_bound.h"
 #include "cli/layer_options.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
@@ -16,6 +15,7 @@
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
 #include "io/report_text.h"
+#include "pipeline/base/error_bound.h"
 #include "pipeline/device/open_meanwhile.h"
 #include "pipeline/measure/stored_fidelity.h"
 #include "pipeline/rbvh/build_options.h"
@@ -117,6 +117,7 @@ void run_build(Context& context, const BuildOptions& options) {
   time_phase(context, "load");
 
   const Device device = opening.get();
+  report_device(context, device);
   BuildTimings timings;
   context.phase_watch.lap();
   Rbvh rbvh = with_file(
@@ -138,7 +139,6 @@ void run_build(Context& context, const BuildOptions& options) {
   time_phase(context, "write");
 
   auto& report = context.report;
-  report["device"] = device_json(device.info());
   report["timings"].update(timings_json(timings));
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
@@ -185,12 +185,12 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(
       *stage, "--focus-radius", options->focus_radius, parse_above_zero, "R",
       "within it quality is the focus level's; beyond, texels grow with the distance up to the level's own");
-  add_parsed(*stage, "--focus-level", options->focus_level, parse_layer_name, "Q0",
+  add_parsed(*stage, "--focus-level", options->focus_level, parse_name, "Q0",
              "the quality there (default: Q0)");
   add_parsed(*stage, "--focus-camera", options->focus_camera, parse_vec3, "x,y,z",
              "the same seen from a camera: what is nearest to it has the focus level's quality");
   add_coordinates_option(*stage, options->shifted);
-  add_parsed(*stage, "--layer", options->layers.names, parse_layer_names, "NAME,NAME",
+  add_parsed(*stage, "--layer", options->layers.names, parse_names, "NAME,NAME",
              "make layers of these properties of the scan's vertices");
   add_parsed(*stage, "--layer-scale", options->layers.scale, parse_layer_scale, "S",
              "their texels to one of the heights', 0.0625 to 16 (default: 1)")

@@ -8,7 +8,7 @@ namespace {
 constexpr const char* kGroup = "Camera (as f3d's)";
 
 /// All pictures' cameras are made before the first picture is.
-int parse_turns(std::string_view text) { return parse_positive_up_to(text, 100000); }
+int parse_turns(std::string_view text) { return parse_integer_between(text, 1, 100000); }
 
 }  // namespace
 

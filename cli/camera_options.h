@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/parse.h"
+#include "pipeline/base/words.h"
 #include "rbvh/camera.h"
 
 namespace rbvh {

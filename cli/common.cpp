@@ -10,8 +10,8 @@
 #include <filesystem>
 
 #include "io/output_file.h"
+#include "io/report_json.h"
 #include "pipeline/base/parallel_for.h"
-#include "pipeline/device/device.h"
 #include "rbvh/io.h"
 
 namespace rbvh {
@@ -201,6 +201,16 @@ double time_phase(Context& context, const std::string& name) {
   nlohmann::ordered_json& timing = context.report["timings"][name];
   timing = timing.is_null() ? seconds : timing.get<double>() + seconds;
   return seconds;
+}
+
+Device open_device(Context& context) {
+  Device device = Device::open(context.device);
+  report_device(context, device);
+  return device;
+}
+
+void report_device(Context& context, const Device& device) {
+  context.report["device"] = device_json(device.info());
 }
 
 double mrays_per_second(std::uint64_t rays, double seconds) {

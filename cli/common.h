@@ -18,12 +18,13 @@
 #include <string>
 #include <string_view>
 
-#include "cli/parse.h"
 #include "cli/progress.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/memory_budget.h"
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/base/text.h"
+#include "pipeline/base/words.h"
+#include "pipeline/device/device.h"
 
 namespace rbvh {
 
@@ -70,8 +71,8 @@ void check_paths_differ(Context& context, const std::vector<std::string>& inputs
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
                     std::function<void()> work);
 
-/// An option with one value, read by one of cli/parse.h's functions (or its like). The target may be
-/// std::optional.
+/// An option with one value, read by one of pipeline/base/words.h's functions (or its like). The target may
+/// be std::optional.
 template <class Target, class Value>
 CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target,
                         Value (*parse)(std::string_view), const std::string& value_name,
@@ -83,7 +84,8 @@ CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target
             try {
               target = parse(text);
             } catch (const Error& error) {
-              throw Error(ErrorKind::kUsage, "", name.substr(name.rfind(',') + 1) + ": " + error.what());
+              throw Error(ErrorKind::kUsage, "", name.substr(name.rfind(',') + 1) + ": " + error.what(),
+                          error.remedy());
             }
           },
           help)
@@ -113,6 +115,10 @@ void report_failure(Context& context, const std::string& line, int exit_code);
 /// Adds the seconds since the last call, or since the stage began, to the report's timing of that name.
 /// Returns them.
 double time_phase(Context& context, const std::string& name);
+
+/// Device::open() by --device; the report names it.
+Device open_device(Context& context);
+void report_device(Context& context, const Device& device);
 
 /// Million rays per second, for reports; 0 where no time passed.
 double mrays_per_second(std::uint64_t rays, double seconds);

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "cli/common.h"
-#include "pipeline/trace/trace_exact.h"
+#include "pipeline/trace/exact_words.h"
 #include "rbvh/asset.h"
 
 namespace rbvh {
@@ -17,13 +17,6 @@ struct ExactOptions {
 
 /// Declares both. `--tracer list` prints the names, one first on each line, and ends the stage with success.
 void add_exact_options(CLI::App& stage, ExactOptions& options);
-
-/// By name. Throws Error(kUsage).
-ExactTraversal parse_tracer(std::string_view name);
-
-/// What the words come to for `tracer` (default: as the options say). Throws Error(kUsage) where tracer and
-/// builder do not fit.
-ExactConfig exact_config(const ExactOptions& options, std::optional<ExactTraversal> tracer = {});
 
 /// Throws Error(kUsage) where the words are for a scan and the asset is a pair, or the asset is a cloud and
 /// the tracer takes triangles only.

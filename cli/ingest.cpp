@@ -50,10 +50,7 @@ TextColumns parse_columns(std::string_view text) {
 double parse_fraction(std::string_view text) { return parse_between(text, 0, 1); }
 
 std::size_t parse_neighbors(std::string_view text) {
-  const int count = parse_positive(text);
-  if (count < 3 || count > 1000)
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not 3 to 1000");
-  return static_cast<std::size_t>(count);
+  return static_cast<std::size_t>(parse_integer_between(text, 3, 1000));
 }
 
 std::string parse_units(std::string_view text) {

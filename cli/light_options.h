@@ -5,17 +5,12 @@
 #include <vector>
 
 #include "cli/common.h"
-#include "rbvh/light.h"
+#include "pipeline/light/picture.h"
 
 namespace rbvh {
 
-struct LightOptions {
-  LightWords words{.light = {}};  ///< of light, empty: pictures are not lit by paths
-  PathConfig paths;
-  bool ground = false, linear = false;
-  std::string cached;                        ///< a layer that lights the picture in place of paths
+struct LightOptions : Lighting {
   std::string bounce_level;                  ///< of secondary rays; empty: the same
-  double distance = 0;                       ///< that --aov ao sees; 0: all
   std::vector<const CLI::Option*> declared;  ///< all but --light
 };
 

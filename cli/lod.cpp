@@ -7,12 +7,12 @@
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
-#include "cli/error_bound.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "cli/views_options.h"
 #include "io/rbvh_file.h"
 #include "io/report_json.h"
+#include "pipeline/base/error_bound.h"
 #include "pipeline/measure/stored_fidelity.h"
 #include "pipeline/rbvh/level_mesh.h"
 #include "pipeline/rbvh/lod.h"
@@ -30,10 +30,7 @@ struct LodOptions {
 
 // Opened where a level has to be derived or measured.
 const Device& open_once(Context& context, std::optional<Device>& device) {
-  if (!device) {
-    device = Device::open(context.device);
-    context.report["device"] = device_json(device->info());
-  }
+  if (!device) device = open_device(context);
   return *device;
 }
 

@@ -6,8 +6,8 @@
 #include "cli/layer_options.h"
 #include "cli/pair_output.h"
 #include "cli/stages.h"
+#include "io/npy.h"
 #include "io/rbvh_file.h"
-#include "io/report_json.h"
 #include "pipeline/rbvh/layer_painting.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
@@ -60,8 +60,7 @@ void run_paint(Context& context, const PaintOptions& options) {
   move_to_shift(scan, rbvh.source.shift);
   from_scan ? warn_of_infinite(context, options.scan, scan, options.layer)
             : warn_of_infinite(context, options.values, paint.values.values);
-  const std::vector<std::string> levels = levels_to_cast(
-      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const std::vector<std::string> levels = levels_to_cast(context, pair, or_all(options.levels));
   auto& report = context.report;
   time_phase(context, "load");
   PaintCounts counts;
@@ -71,8 +70,7 @@ void run_paint(Context& context, const PaintOptions& options) {
         add_property_layers({&level, 1}, scan, {options.layer}, options.scale.value_or(1),
                             context.progress.callback());
   } else {
-    const Device device = Device::open(context.device);
-    report["device"] = device_json(device.info());
+    const Device device = open_device(context);
     for (const auto& [level, painted] :
          paint_levels(device, rbvh, levels,
                       {options.layer, paint.points, paint.values.values, paint.values.columns, options.scale,
@@ -109,7 +107,7 @@ void add_paint(CLI::App& app, Context& context) {
       ->required(false)
       ->description("the pair to write (default: FILE itself, with -f)");
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
-  add_parsed(*stage, "--layer", options->layer, parse_layer_name, "NAME",
+  add_parsed(*stage, "--layer", options->layer, parse_name, "NAME",
              "the layer, made where it is not there; or color")
       ->required();
   stage->add_option("--points", options->points, "N x 3 float32 or float64: points on the surface")

@@ -1,7 +1,4 @@
 // rbvh proxy: from a mesh to quads with a vector displacement map.
-#include <algorithm>
-#include <bit>
-#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -16,7 +13,7 @@
 #include "pipeline/measure/measure_json.h"
 #include "pipeline/proxy/bake.h"
 #include "pipeline/proxy/check_proxy.h"
-#include "pipeline/proxy/import_vdm.h"
+#include "pipeline/proxy/proxy_words.h"
 
 namespace rbvh {
 namespace {
@@ -30,33 +27,6 @@ struct ProxyOptions {
   BakeConfig bake;                           // but for the above
   std::vector<const CLI::Option*> of_bakes;  // options that imports have no use for
 };
-
-double parse_percent(std::string_view text) {
-  const double percent = parse_number(text);
-  if (!(percent > 0 && percent <= 100))
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0 and up to 100 percent");
-  return percent / 100;
-}
-
-// Of displacements: what a proxy can hold.
-double parse_displacement(std::string_view text) {
-  const double value = parse_number(text);
-  if (!(std::abs(value) <= double{kLargestProxyValue}))
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is beyond 1e18");
-  return value;
-}
-
-double parse_component(std::string_view text) { return parse_between(text, 0, 100) / 100; }
-
-std::uint32_t parse_side(std::string_view text) {
-  const std::int64_t side = parse_integer(text);
-  if (side < 3 || side > 1025 || !std::has_single_bit(static_cast<std::uint64_t>(side - 1)))
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is none of 3, 5, 9, 17, 33, 65 ... 1025");
-  return static_cast<std::uint32_t>(side);
-}
-
-constexpr std::pair<std::string_view, VdmSpace> kSpaces[] = {
-    {"object", VdmSpace::kObject}, {"world", VdmSpace::kWorld}, {"tangent", VdmSpace::kTangent}};
 
 void run_bake(Context& context, const ProxyOptions& options) {
   BakeConfig config = options.bake;
@@ -86,20 +56,6 @@ void run_bake(Context& context, const ProxyOptions& options) {
        "rbvh proxy: wrote " + context.output + " (" + bake_text(counts, saved.bytes(), distance) + ")");
 }
 
-void warn_of(Context& context, const std::string& file, const ImportReport& counts) {
-  const auto say = [&](std::uint64_t count, const std::string& what) {
-    if (count > 0) warn(context, file + ": " + std::to_string(count) + " " + what);
-  };
-  say(counts.split_faces, "faces are no quads; every face was split around its middle");
-  say(counts.dropped_faces, "faces with fewer than three different corners were left out");
-  say(counts.zero_area_patches, "patches have no area");
-  say(counts.bad_texels, "texels are not finite, or too large (beyond 1e18); they displace nothing");
-  say(counts.overlapping_patches, "patches overlap others in the map");
-  say(counts.coarser_patches, "patches have fewer texels than the map; allow more by --max-side");
-  say(counts.long_patches,
-      "patches are displaced by more than the object is long; is --vdm-scale or --vdm-midlevel right?");
-}
-
 void run_import(Context& context, const ProxyOptions& options) {
   for (const CLI::Option* option : options.of_bakes)
     if (option->count() > 0)
@@ -121,7 +77,7 @@ void run_import(Context& context, const ProxyOptions& options) {
   time_phase(context, "write");
   report.update(import_json(counts));
   report["bytes"] = proxy_bytes_json(saved);
-  warn_of(context, options.file, counts);
+  for (const std::string& line : import_warnings(counts)) warn(context, options.file + ": " + line);
   note(context, "rbvh proxy: wrote " + context.output + " (" + import_text(counts, saved.bytes()) + ")");
 }
 
@@ -157,9 +113,9 @@ void add_proxy(CLI::App& app, Context& context) {
   of_bakes("--detail", options->bake.detail, parse_percent, "PERCENT",
            "texels are fine enough that twice as many would change the surface by no more than this, RMS in "
            "% of the diagonal (default: 0.006)");
-  of_bakes("--min-component", options->bake.min_component, parse_component, "PERCENT",
+  of_bakes("--min-component", options->bake.min_component, parse_percent_or_none, "PERCENT",
            "leave out parts with less than this share of the area (default: 0.1; 0: keep all)");
-  add_parsed(*stage, "--max-side", options->max_side, parse_side, "N",
+  add_parsed(*stage, "--max-side", options->max_side, parse_tile_side, "N",
              "texels a side of a patch's tile at most, 2^k + 1 (default: 129; with --vdm 257)");
   stage
       ->add_option(
@@ -167,7 +123,7 @@ void add_proxy(CLI::App& app, Context& context) {
           "FILE is another program's base mesh (OBJ), and this its displacement map (EXR, PNG, TIFF): three "
           "channels are vectors, one is heights along the normal")
       ->type_name("MAP");
-  add_parsed(*stage, "--vdm-space", options->vdm.space, parse_choice<kSpaces>, "SPACE",
+  add_parsed(*stage, "--vdm-space", options->vdm.space, parse_choice<kVdmSpaces>, "SPACE",
              "of the map's vectors: object, world or tangent (default: object; with --vdm-preset tangent)");
   add_parsed(
       *stage, "--vdm-order", options->vdm.order, parse_vdm_order, "XYZ",

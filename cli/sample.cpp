@@ -6,9 +6,9 @@
 #include "cli/common.h"
 #include "cli/layer_options.h"
 #include "cli/stages.h"
+#include "io/npy.h"
 #include "io/output_file.h"
 #include "io/rbvh_file.h"
-#include "io/report_json.h"
 #include "pipeline/rbvh/layer_sampling.h"
 
 namespace rbvh {
@@ -31,7 +31,7 @@ void run_sample(Context& context, const SampleOptions& options) {
   const Level& level = *pair.rbvh()->find_level(levels_to_cast(context, pair, options.levels).front());
   const Layer layer = layer_to_sample(level, options.layer, options.file);
   time_phase(context, "load");
-  const Device device = Device::open(context.device);
+  const Device device = open_device(context);
   const std::vector<float> values = sample_layer(make_point_index(device, level), level, layer, points,
                                                  options.reach.value_or(default_reach(*pair.rbvh())));
   time_phase(context, "sample");
@@ -42,7 +42,6 @@ void run_sample(Context& context, const SampleOptions& options) {
   for (std::size_t i = 0; i < values.size(); i += width) missed += std::isnan(values[i]);
   if (missed > 0)
     detail(context, "rbvh sample: " + counted(missed, "point") + " where the layer has no value");
-  context.report["device"] = device_json(device.info());
   context.report["counts"] = {{"points", points.size()}, {"without_value", missed}};
   context.report["bytes"] = values.size() * sizeof(float);
   context.report["level"] = level.name;
@@ -59,7 +58,7 @@ void add_sample(CLI::App& app, Context& context) {
                               [&context, options] { run_sample(context, *options); });
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(
-      *stage, "--layer", options->layer, parse_layer_name, "NAME",
+      *stage, "--layer", options->layer, parse_name, "NAME",
       "which: of your own, or normal (3 values), color (3, sRGB from 0 to 1), height (how far the surface "
       "lies above the point)")
       ->required();

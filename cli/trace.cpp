@@ -13,8 +13,8 @@
 #include "cli/stages.h"
 #include "io/npy.h"
 #include "io/output_file.h"
-#include "io/report_json.h"
 #include "pipeline/device/open_meanwhile.h"
+#include "pipeline/scan/precision.h"
 #include "pipeline/trace/ray_table.h"
 
 namespace rbvh {
@@ -22,12 +22,7 @@ namespace {
 
 constexpr std::size_t kRayColumns[] = {6, 8};
 
-double parse_cone(std::string_view text) {
-  const double angle = parse_number(text);
-  if (!(angle >= 0 && angle < 180))
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 0 and 180 degrees");
-  return angle;
-}
+double parse_cone(std::string_view text) { return parse_between(text, 0, 179); }
 
 struct TraceOptions {
   std::string file, rays;
@@ -40,17 +35,15 @@ struct TraceOptions {
 
 /// Float32 of large coordinates is too coarse for rays at a scan that is shifted for that.
 void warn_of_coarse_rays(Context& context, const std::string& path, const Asset& asset, Vec3d shift) {
-  float largest = 0;
-  for (int axis = 0; axis < 3; ++axis) largest = std::max(largest, static_cast<float>(std::abs(shift[axis])));
-  const float grain = std::nextafter(largest, std::numeric_limits<float>::infinity()) - largest;
-  if (grain > 1e-5f * asset.bounds.diagonal())
+  const double step = float_step(std::max({std::abs(shift.x), std::abs(shift.y), std::abs(shift.z)}));
+  if (step > 1e-5 * static_cast<double>(asset.bounds.diagonal()))
     warn(context, fmt::format("{}: rays are float32, whose steps are {:.2g} wide at these coordinates; save "
                               "them as float64, or use --coordinates shifted",
-                              path, grain));
+                              path, step));
 }
 
 void run_trace(Context& context, const TraceOptions& options) {
-  const ExactConfig exact = exact_config(options.exact);
+  const ExactConfig exact = exact_config(options.exact.tracer, options.exact.builder);
   if ((options.levels == std::vector<std::string>{"auto"}) != options.cone.has_value())
     throw Error(ErrorKind::kUsage, "", "--level auto and --cone go together");
   check_proxy_options(options.proxies, {options.file});
@@ -92,7 +85,7 @@ void run_trace(Context& context, const TraceOptions& options) {
   if (counts.unusable > 0)
     warn(context, options.rays + ": " + counted(counts.unusable, "ray") +
                       " not finite or without a direction; taken for misses");
-  context.report["device"] = device_json(device.info());
+  report_device(context, device);
   if (asset.scan()) report_exact(context, exact);
   report_proxies(context, *tracer);
   context.report["timings"]["cast"] = counts.seconds;

@@ -1,6 +1,5 @@
 // rbvh validate: whether a file is whole, and how close a pair's levels are to the scan that they were made
 // of.
-#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -10,10 +9,9 @@
 #include "cli/stages.h"
 #include "cli/views_options.h"
 #include "io/check_file.h"
-#include "io/image.h"
+#include "io/difference_pictures.h"
 #include "io/report_text.h"
 #include "io/scene_file.h"
-#include "pipeline/measure/difference.h"
 #include "pipeline/measure/measure_json.h"
 
 namespace rbvh {
@@ -31,31 +29,17 @@ struct ValidateOptions {
   std::vector<const CLI::Option*> of_pairs;  // options that proxies have no use for
 };
 
-void make_folder(const std::string& path) {
-  std::error_code code;
-  std::filesystem::create_directories(path, code);
-  if (code) throw Error(ErrorKind::kFailure, path, "the folder cannot be made: " + code.message());
-}
-
 Json measure(Context& context, const ValidateOptions& options, const Asset& pair) {
   const Asset exact =
       load_reference(options.against, *pair.rbvh(), context.memory, context.progress.callback());
   if (const auto other = find_other_scan(pair, exact)) warn(context, options.against + ": " + *other);
-  const std::vector<std::string> levels = levels_to_cast(
-      context, pair, options.levels.empty() ? std::vector<std::string>{"all"} : options.levels);
+  const std::vector<std::string> levels = levels_to_cast(context, pair, or_all(options.levels));
   MeasureConfig config;
   config.views = options.views;
   config.images = config.distances = true;
   config.memory = context.memory;
-  if (!options.pictures.empty()) {
-    make_folder(options.pictures);
-    config.on_view = [&](const MeasuredView& view) {
-      const std::string name = levels[view.level] + "-" + std::to_string(view.view) + ".png";
-      write_image((std::filesystem::path(options.pictures) / name).string(),
-                  difference_image(view.exact, view.hits, view.rays, exact.bounds.diagonal(), 2),
-                  context.force);
-    };
-  }
+  if (!options.pictures.empty())
+    config.on_view = difference_writer(options.pictures, levels, exact.bounds.diagonal(), context.force);
   Json list = Json::array();
   const Device device = Device::open(context.device);
   for (const LevelMeasure& m :

@@ -4,10 +4,7 @@ namespace rbvh {
 namespace {
 
 std::uint32_t parse_side(std::string_view text) {
-  const std::int64_t side = parse_integer(text);
-  if (side < 16 || side > 16384)
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not between 16 and 16384 pixels");
-  return static_cast<std::uint32_t>(side);
+  return static_cast<std::uint32_t>(parse_integer_between(text, 16, 16384));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "io/input_file.h"
 #include "io/max_expansion.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/memory_budget.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/text.h"
 
@@ -41,6 +42,12 @@ Image reduced(Image image) {
 
 Image read_environment_map(const std::string& path) {
   return decode_environment_map(read_input(path).view(), path);
+}
+
+void read_light(LightWords& words, const MemoryBudget& memory) {
+  if (is_light_name(words.light)) return;
+  check_read_budget(memory, words.light);
+  words.map = read_environment_map(words.light);
 }
 
 Image decode_environment_map(std::string_view file, const std::string& path) {

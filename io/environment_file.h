@@ -5,6 +5,8 @@
 #include <string_view>
 
 #include "rbvh/image.h"
+#include "rbvh/light.h"
+#include "rbvh/memory_budget.h"
 
 namespace rbvh {
 
@@ -14,5 +16,8 @@ Image read_environment_map(const std::string& path);
 
 /// The same of a file's bytes; `path` is for messages.
 Image decode_environment_map(std::string_view file, const std::string& path);
+
+/// Reads the map where the light that is wanted is a file. Throws Error(kInput), Error(kBudget).
+void read_light(LightWords& words, const MemoryBudget& memory);
 
 }  // namespace rbvh

@@ -6,7 +6,7 @@
 
 #include "io/report_json.h"
 #include "pipeline/base/text.h"
-#include "pipeline/bvh/exact_methods.h"
+#include "pipeline/trace/exact_words.h"
 
 namespace rbvh {
 namespace {
@@ -30,16 +30,8 @@ std::string device_line(const DeviceInfo& info) {
 
 std::string exact_methods_text() {
   std::string lines;
-  for (const ExactTraversalInfo& t : kExactTraversals) {
-    lines += fmt::format("{:<14}{}; builders:", t.name, t.what);
-    const char* separator = " ";
-    for (const ExactBuilderInfo& b : kExactBuilders) {
-      if (b.tree != t.tree) continue;
-      lines += separator + std::string(b.name);
-      separator = ", ";
-    }
-    lines += "\n";
-  }
+  for (const ExactTraversalInfo& t : kExactTraversals)
+    lines += fmt::format("{:<14}{}; builders: {}\n", t.name, t.what, exact_builder_names(t.traversal));
   return lines;
 }
 
@@ -147,6 +139,22 @@ std::string bake_text(const BakeReport& counts, std::uint64_t bytes, const Json&
                      counts.patches, counts.texels, format_bytes(bytes),
                      distance["proxy_to_scan"]["rms_percent"].get<double>(),
                      distance["scan_to_proxy"]["rms_percent"].get<double>());
+}
+
+std::vector<std::string> import_warnings(const ImportReport& counts) {
+  std::vector<std::string> lines;
+  const auto say = [&](std::uint64_t count, const char* what) {
+    if (count > 0) lines.push_back(fmt::format("{} {}", count, what));
+  };
+  say(counts.split_faces, "faces are no quads; every face was split around its middle");
+  say(counts.dropped_faces, "faces with fewer than three different corners were left out");
+  say(counts.zero_area_patches, "patches have no area");
+  say(counts.bad_texels, "texels are not finite, or too large (beyond 1e18); they displace nothing");
+  say(counts.overlapping_patches, "patches overlap others in the map");
+  say(counts.coarser_patches, "patches have fewer texels than the map; allow more texels a side");
+  say(counts.long_patches,
+      "patches are displaced by more than the object is long; are the map's scale and midlevel right?");
+  return lines;
 }
 
 std::string import_text(const ImportReport& counts, std::uint64_t bytes) {

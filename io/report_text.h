@@ -46,6 +46,9 @@ std::vector<std::string> manifold_lines(const ManifoldCounts& counts);
 /// proxy_measure_json(), `bytes`: of the proxy's files.
 std::string bake_text(const BakeReport& counts, std::uint64_t bytes, const nlohmann::ordered_json& distance);
 
+/// What was wrong with another program's asset: a line for each count that is not zero.
+std::vector<std::string> import_warnings(const ImportReport& counts);
+
 /// "3000 patches, 1000 texels, 1.2 MB; 5 seams welded".
 std::string import_text(const ImportReport& counts, std::uint64_t bytes);
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace rbvh {
 
@@ -9,6 +10,9 @@ struct ErrorBound {
   double value = 0;  ///< above 0
   std::string unit;  ///< "%" of the diagonal, "units" of the scan, a unit of length; empty: the caller's own
 };
+
+/// "0.5mm", "0.5units", "0.01%", "0.5": a number above 0. Throws Error(kUsage).
+ErrorBound parse_error_bound(std::string_view text);
 
 /// What errors are measured with.
 struct ErrorScale {

@@ -244,23 +244,4 @@ Environment sun_environment(Vec3f up, Vec3f to_sun) {
   return environment;
 }
 
-bool is_light_name(std::string_view word) {
-  return word == "studio" || word == "headlight" || word == "sky" || word == "sun" || word == "white";
-}
-
-Environment make_environment(const LightWords& words, const Camera& camera, Vec3f up) {
-  if (words.light == "studio") return studio_environment(camera);
-  if (words.light == "headlight") return headlight_environment(camera);
-  if (words.light == "white") return uniform_environment({1, 1, 1});
-  Environment environment;
-  environment.sky = words.map;
-  environment.up = up;
-  if (words.light != "sky" && words.light != "sun") return environment;
-  const double azimuth = words.sun.azimuth * kPi / 180, elevation = words.sun.elevation * kPi / 180;
-  const Vec3d z = static_cast<Vec3d>(up), front = front_of(z), left = cross(z, front);
-  const Vec3f to_sun = static_cast<Vec3f>(
-      (front * std::cos(azimuth) + left * std::sin(azimuth)) * std::cos(elevation) + z * std::sin(elevation));
-  return words.light == "sky" ? sky_environment(up, to_sun) : sun_environment(up, to_sun);
-}
-
 }  // namespace rbvh

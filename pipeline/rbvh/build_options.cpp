@@ -2,6 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "pipeline/base/words.h"
+
 namespace rbvh {
 namespace {
 
@@ -13,6 +15,16 @@ std::string_view name_of(const std::pair<std::string_view, T> (&choices)[N], T v
 }
 
 }  // namespace
+
+std::vector<WantedLevel> parse_wanted_levels(std::string_view text) {
+  std::vector<WantedLevel> levels;
+  for (const std::string& word : parse_list(text)) {
+    const std::size_t equals = word.find('=');
+    WantedLevel& level = levels.emplace_back(WantedLevel{word.substr(0, equals), {}});
+    if (equals != std::string::npos) level.error = parse_above_zero(word.substr(equals + 1));
+  }
+  return levels;
+}
 
 std::string build_options_json(const BuildConfig& config, const std::optional<FocusWords>& focus,
                                const LayerWords& layers) {

@@ -1,4 +1,4 @@
-// What a build was asked for: the names of its choices, and the record of them that the pair keeps.
+// What a build is asked for: its choices in words, and the record of them that the pair keeps.
 #pragma once
 
 #include <optional>
@@ -21,6 +21,9 @@ inline constexpr std::pair<std::string_view, RaysKind> kRayKinds[] = {{"coherent
                                                                       {"incoherent", RaysKind::kIncoherent}};
 inline constexpr std::pair<std::string_view, Hybrid> kHybrids[] = {
     {"off", Hybrid::kOff}, {"auto", Hybrid::kAuto}, {"always", Hybrid::kAlways}};
+
+/// "Q0=1e-5,Q2": levels, some with errors, in parts of the diagonal. Throws Error(kUsage).
+std::vector<WantedLevel> parse_wanted_levels(std::string_view text);
 
 /// Layers made of the scan's vertex properties.
 struct LayerWords {

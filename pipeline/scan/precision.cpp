@@ -64,6 +64,12 @@ std::size_t drop_far(RawScan& scan) {
   return dropped;
 }
 
+double float_step(double size) {
+  const auto edge = static_cast<float>(size);
+  return static_cast<double>(std::nextafter(edge, std::numeric_limits<float>::infinity())) -
+         static_cast<double>(edge);
+}
+
 std::vector<std::string> precision_notes(const RawScan& scan) {
   std::vector<std::string> notes;
   if (const std::size_t far = count_far(scan.positions); far > 0) {
@@ -90,8 +96,7 @@ std::vector<std::string> precision_notes(const RawScan& scan) {
   }
   std::sort(extents, extents + 3);
   const double spacing = std::sqrt(extents[1] * extents[2] / static_cast<double>(scan.positions.size()));
-  const auto edge = static_cast<float>(largest);
-  const double grain = static_cast<double>(edge) - static_cast<double>(std::nextafter(edge, 0.0f));
+  const double grain = float_step(largest);
   if (grain > spacing && spacing > 0)
     notes.push_back(fmt::format(
         "the coordinates are 32-bit floats, coarser ({:.2g}) at this distance from the origin than "

@@ -32,6 +32,9 @@ std::size_t count_far(std::span<const Vec3d> positions);
 /// Makes the far points NaN, so that cleaning removes them; how many.
 std::size_t drop_far(RawScan& scan);
 
+/// How far apart float32's numbers are at coordinates of this size.
+double float_step(double size);
+
 /// A sentence each: how many points are far, and that coordinates were rounded to float32 before they came
 /// here, in steps wider than the points are apart.
 std::vector<std::string> precision_notes(const RawScan& scan);

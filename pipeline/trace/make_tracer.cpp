@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "pipeline/base/error.h"
+#include "pipeline/trace/exact_words.h"
 #include "pipeline/trace/trace_footprint.h"
 
 namespace rbvh {
@@ -19,16 +20,6 @@ const Level& level_of(const Asset& asset, const std::string& level) {
 
 std::uint64_t exact_bytes(std::uint64_t primitives, const ExactConfig& config) {
   return primitives * static_cast<std::uint64_t>(info(config.builder).bytes);
-}
-
-ExactTraversal find_named_traversal(const std::string& name) {
-  if (const auto found = find_exact_traversal(name)) return found->traversal;
-  throw Error(ErrorKind::kUsage, "", "there is no traversal '" + name + "'");
-}
-
-ExactBuilder find_named_builder(const std::string& name) {
-  if (const auto found = find_exact_builder(name)) return found->builder;
-  throw Error(ErrorKind::kUsage, "", "there is no builder '" + name + "'");
 }
 
 }  // namespace
@@ -52,12 +43,11 @@ std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, co
   SceneConfig scene;
   scene.pixels = config.pixels;
   scene.proxy.cache_bytes = config.patch_cache_bytes;
-  if (!config.traversal.empty()) scene.exact.traversal = find_named_traversal(config.traversal);
-  scene.exact.builder =
-      config.builder.empty() ? default_builder(scene.exact.traversal) : find_named_builder(config.builder);
-  if (info(scene.exact.builder).tree != info(scene.exact.traversal).tree)
-    throw Error(ErrorKind::kUsage, "",
-                "builder " + config.builder + " does not fit traversal " + info(scene.exact.traversal).name);
+  std::optional<ExactTraversal> traversal;
+  std::optional<ExactBuilder> builder;
+  if (!config.traversal.empty()) traversal = parse_exact_traversal(config.traversal);
+  if (!config.builder.empty()) builder = parse_exact_builder(config.builder);
+  scene.exact = exact_config(traversal, builder);
   return make_tracer(device, asset, choose_levels(asset, wanted, true).front(), scene, config.spread);
 }
 

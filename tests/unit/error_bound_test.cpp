@@ -1,5 +1,5 @@
-// Errors as they are written on the command line.
-#include "cli/error_bound.h"
+// Errors as people write them.
+#include "pipeline/base/error_bound.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +7,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/units.h"
+#include "pipeline/rbvh/build_options.h"
 #include "tests/usage_refusal.h"
 
 namespace rbvh {

@@ -1,4 +1,4 @@
-#include "cli/parse.h"
+#include "pipeline/base/words.h"
 
 #include <gtest/gtest.h>
 
@@ -21,46 +21,51 @@ bool is_refused(const std::function<void()>& work) {
 
 constexpr std::pair<std::string_view, int> kChoices[] = {{"one", 1}, {"two", 2}};
 
-TEST(Parse, NumbersInARangeAndChoices) {
+TEST(Words, NumbersInARangeAndChoices) {
   EXPECT_EQ(parse_between("0.5", 0, 1), 0.5);
   EXPECT_EQ(parse_above_zero("1e-3"), 1e-3);
   for (const char* text : {"-0.1", "1.5", "nan", ""})
     EXPECT_TRUE(is_refused([text] { parse_between(text, 0, 1); })) << text;
   for (const char* text : {"0", "-1", "nan"})
     EXPECT_TRUE(is_refused([text] { parse_above_zero(text); })) << text;
+  EXPECT_EQ(parse_distance("0"), 0);
+  for (const char* text : {"-1", "nan", "inf"})
+    EXPECT_TRUE(is_refused([text] { parse_distance(text); })) << text;
   EXPECT_EQ(parse_choice<kChoices>("two"), 2);
   EXPECT_TRUE(is_refused([] { parse_choice<kChoices>("three"); }));
 }
 
-TEST(Parse, Numbers) {
+TEST(Words, Numbers) {
   EXPECT_EQ(parse_number("-1.5e-3"), -1.5e-3);
   EXPECT_EQ(parse_number("+2"), 2);
   for (const char* word : {"", " 1", "1 ", "1x", "nan", "inf", "-inf", "1,5", "0x10", "+-1", "1e999", "--1"})
     EXPECT_TRUE(is_refused([&] { parse_number(word); })) << word;
 }
 
-TEST(Parse, WholeNumbers) {
-  EXPECT_EQ(parse_integer("-3"), -3);
+TEST(Words, WholeNumbers) {
+  EXPECT_EQ(parse_integer_between("-3", -3, 5), -3);
+  for (const char* word : {"-4", "6", "1.0", "", "99999999999"})
+    EXPECT_TRUE(is_refused([&] { parse_integer_between(word, -3, 5); })) << word;
   EXPECT_EQ(parse_positive("12"), 12);
   for (const char* word : {"0", "-1", "1.0", "99999999999", ""})
     EXPECT_TRUE(is_refused([&] { parse_positive(word); })) << word;
 }
 
-TEST(Parse, Vectors) {
+TEST(Words, Vectors) {
   EXPECT_EQ(parse_vec3("-1,0.5,2e1"), (Vec3d{-1, 0.5, 20}));
   for (const char* word :
        {"1,2", "1,2,3,4", "1,,3", "0,1,,2", "1,2,nan", "1, 2,3", "1;2;3", ",1,2", "1,2,3,"})
     EXPECT_TRUE(is_refused([&] { parse_vec3(word); })) << word;
 }
 
-TEST(Parse, Resolutions) {
+TEST(Words, Resolutions) {
   EXPECT_EQ(parse_resolution("640,480").width, 640u);
   EXPECT_EQ(parse_resolution("640,480").height, 480u);
   for (const char* word : {"640", "640x480", "0,480", "640,-1", "640,65537", "1.5,2", "4294967297,1"})
     EXPECT_TRUE(is_refused([&] { parse_resolution(word); })) << word;
 }
 
-TEST(Parse, Axes) {
+TEST(Words, Axes) {
   EXPECT_EQ(parse_axis("+Z"), (Vec3d{0, 0, 1}));
   EXPECT_EQ(parse_axis("-x"), (Vec3d{-1, 0, 0}));
   EXPECT_EQ(parse_axis("Y"), (Vec3d{0, 1, 0}));
@@ -68,7 +73,7 @@ TEST(Parse, Axes) {
     EXPECT_TRUE(is_refused([&] { parse_axis(word); })) << word;
 }
 
-TEST(Parse, Sizes) {
+TEST(Words, Sizes) {
   EXPECT_EQ(parse_bytes("1500"), 1500u);
   EXPECT_EQ(parse_bytes("64K"), 65536u);
   EXPECT_EQ(parse_bytes("1.5g"), 3u << 29);
@@ -78,7 +83,7 @@ TEST(Parse, Sizes) {
     EXPECT_TRUE(is_refused([&] { parse_bytes(word); })) << word;
 }
 
-TEST(Parse, Lists) {
+TEST(Words, Lists) {
   EXPECT_EQ(parse_list("Q0,Q2"), (std::vector<std::string>{"Q0", "Q2"}));
   for (const char* word : {"", "Q0,", ",Q0", "Q0,,Q1"})
     EXPECT_TRUE(is_refused([&] { parse_list(word); })) << word;

@@ -1,5 +1,5 @@
-// Strict reading of option values: the whole word or a usage error, the same under every locale. (CLI11's own
-// delimited lists swallow the next positional and accept "0,1,,2" and "nan".)
+// Strict reading of what people write: the whole word or a usage error, the same under every locale. (CLI11's
+// own delimited lists swallow the next positional and accept "0,1,,2" and "nan".)
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,13 @@ double parse_number(std::string_view text);
 std::int64_t parse_integer(std::string_view text);
 /// An integer of at least 1.
 int parse_positive(std::string_view text);
-/// And of at most `most`.
-int parse_positive_up_to(std::string_view text, int most);
+/// An integer from `least` to `most`.
+int parse_integer_between(std::string_view text, int least, int most);
 
 /// A number above 0.
 double parse_above_zero(std::string_view text);
+/// A number of at least 0.
+float parse_distance(std::string_view text);
 /// A number from `least` to `most`.
 double parse_between(std::string_view text, double least, double most);
 

@@ -1,4 +1,4 @@
-#include "cli/parse.h"
+#include "pipeline/base/words.h"
 
 #include <cctype>
 #include <charconv>
@@ -58,16 +58,22 @@ int parse_positive(std::string_view text) {
   return value;
 }
 
-int parse_positive_up_to(std::string_view text, int most) {
-  const int value = parse_positive(text);
-  if (value > most)
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is more than " + std::to_string(most));
+int parse_integer_between(std::string_view text, int least, int most) {
+  int value = 0;
+  if (!parse_whole(text, value) || value < least || value > most)
+    refuse(text, "a whole number from " + std::to_string(least) + " to " + std::to_string(most));
   return value;
 }
 
 double parse_above_zero(std::string_view text) {
   const double value = parse_number(text);
-  if (!(value > 0)) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not above 0");
+  if (!(value > 0)) refuse(text, "above 0");
+  return value;
+}
+
+float parse_distance(std::string_view text) {
+  const auto value = static_cast<float>(parse_number(text));
+  if (!(value >= 0)) refuse(text, "a distance of at least 0");
   return value;
 }
 

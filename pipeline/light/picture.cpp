@@ -1,0 +1,53 @@
+#include "pipeline/light/picture.h"
+
+#include <utility>
+
+#include "pipeline/light/bake_layer.h"
+#include "pipeline/rbvh/rbvh.h"
+
+namespace rbvh {
+namespace {
+
+Image light_by_layer(const PictureSubject& of, const Camera& camera, const RenderConfig& shown,
+                     const std::string& layer, RenderTimings& timings) {
+  const Level* level = of.asset.rbvh() ? of.asset.rbvh()->find_level(of.level) : nullptr;
+  return render_cached(of.primary, baked_layer(of.asset, level, layer), camera, shown.width, shown.height,
+                       shown.samples > 0 ? shown.samples : kShadedSamples, &timings);
+}
+
+Picture light_by_paths(const PictureSubject& of, const Camera& camera, const RenderConfig& shown,
+                       const Lighting& lighting, RenderTimings& timings, const Progress& progress) {
+  PathConfig config = lighting.paths;
+  config.width = shown.width;
+  config.height = shown.height;
+  config.colors = shown.colors;
+  if (shown.samples > 0) config.samples = shown.samples;
+  if (lighting.ground) config.ground = ground_below(of.asset, shown.up);
+  config.offset = path_offset(of.asset, of.level, of.secondary_level);
+  if (shown.aov == Aov::kOcclusion)
+    return {trace_ambient_occlusion(of.primary, of.secondary, camera, static_cast<float>(lighting.distance),
+                                    config, progress)};
+  const Environment environment = make_environment(lighting.words, camera, shown.up);
+  PathPicture traced = trace_paths(of.primary, of.secondary, camera, environment, config, progress);
+  timings.trace += traced.trace_seconds;
+  timings.shade += traced.shade_seconds;
+  timings.rays += traced.rays;
+  return {std::move(image_of(traced, shown.aov)), traced.samples, traced.noise};
+}
+
+}  // namespace
+
+Picture draw_picture(const PictureSubject& subject, const Camera& camera, const RenderConfig& shown,
+                     const Lighting& lighting, RenderTimings& timings, const Progress& progress) {
+  Picture picture;
+  if (!lighting.cached.empty())
+    picture.image = light_by_layer(subject, camera, shown, lighting.cached, timings);
+  else if (!lighting.words.light.empty())
+    picture = light_by_paths(subject, camera, shown, lighting, timings, progress);
+  else
+    return {render(subject.primary, camera, shown, &timings)};
+  if (shown.aov == Aov::kShaded && shown.as_shown && !lighting.linear) apply_filmic_curve(picture.image);
+  return picture;
+}
+
+}  // namespace rbvh

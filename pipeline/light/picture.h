@@ -1,0 +1,40 @@
+// A picture of an asset by whatever lights it: the plain shading, paths of light, or light kept in a layer.
+#pragma once
+
+#include <string>
+
+#include "rbvh/asset.h"
+#include "rbvh/light.h"
+
+namespace rbvh {
+
+/// How a picture is lit. By default it is shaded, or an AOV without light.
+struct Lighting {
+  LightWords words{.light = {}};  ///< of light, empty: pictures are not lit by paths
+  PathConfig paths;               ///< but its size, samples, colours, ground and offset
+  bool ground = false;            ///< shadows fall on the plane below the asset
+  double distance = 0;            ///< that ambient occlusion sees, scan units; 0: all
+  std::string cached;             ///< a layer that lights a pair in place of paths
+  bool linear = false;            ///< light as it is, without the filmic curve
+};
+
+/// What a picture is of, and what its rays are cast at.
+struct PictureSubject {
+  const Asset& asset;
+  std::string level;            ///< of a pair
+  std::string secondary_level;  ///< of shadows and bounces
+  const Tracer &primary, &secondary;
+};
+
+struct Picture {
+  Image image;
+  int path_samples = 0;  ///< paths a pixel that it took
+  double noise = 0;      ///< as PathPicture's
+};
+
+/// Of the AOV that `shown` names. Where `shown.as_shown` is set, light goes through the filmic curve, too.
+/// Throws Error(kUsage) as render() and baked_layer().
+Picture draw_picture(const PictureSubject& subject, const Camera& camera, const RenderConfig& shown,
+                     const Lighting& lighting, RenderTimings& timings, const Progress& progress = {});
+
+}  // namespace rbvh
