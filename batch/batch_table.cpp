@@ -1,7 +1,9 @@
 #include "batch/batch_table.h"
 
 #include <algorithm>
+#include <filesystem>
 
+#include "io/output_file.h"
 #include "rbvh/version.h"
 
 namespace rbvh {
@@ -97,6 +99,18 @@ std::string batch_csv(const ordered_json& table) {
     text.back() = '\n';
   }
   return text;
+}
+
+void write_tables(const std::string& output, const Shard& part, const ordered_json& table) {
+  const std::string name =
+      part.count == 1 ? "batch" : "batch-" + std::to_string(part.index) + "-of-" + std::to_string(part.count);
+  const auto write = [&](const std::string& extension, const std::string& text) {
+    OutputFile file((std::filesystem::path(output) / (name + extension)).string(), true);
+    file.write(text);
+    file.commit();
+  };
+  write(".json", table.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  write(".csv", batch_csv(table));
 }
 
 }  // namespace rbvh

@@ -18,4 +18,8 @@ nlohmann::ordered_json batch_json(const std::vector<ScanResult>& results);
 /// diagonal, as reached; as asked for where it was not measured).
 std::string batch_csv(const nlohmann::ordered_json& table);
 
+/// Writes both into the folder `output`: batch.json and batch.csv, of a part batch-I-of-N.*. Throws
+/// Error(kFailure).
+void write_tables(const std::string& output, const Shard& part, const nlohmann::ordered_json& table);
+
 }  // namespace rbvh

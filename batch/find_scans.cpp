@@ -8,6 +8,7 @@
 
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/words.h"
 
 namespace rbvh {
 namespace {
@@ -77,10 +78,19 @@ FoundScans find_scans(const std::vector<std::string>& inputs, const std::string&
   return found;
 }
 
-std::vector<BatchScan> shard(const std::vector<BatchScan>& scans, std::size_t index, std::size_t count) {
-  std::vector<BatchScan> part;
-  for (std::size_t i = index - 1; i < scans.size(); i += count) part.push_back(scans[i]);
-  return part;
+Shard parse_shard(std::string_view text) {
+  const std::size_t slash = std::min(text.find('/'), text.size());
+  const int index = parse_positive(text.substr(0, slash));
+  const int count = parse_positive(text.substr(std::min(slash + 1, text.size())));
+  if (index > count)
+    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not I/N with I up to N");
+  return {static_cast<std::size_t>(index), static_cast<std::size_t>(count)};
+}
+
+std::vector<BatchScan> shard(const std::vector<BatchScan>& scans, const Shard& part) {
+  std::vector<BatchScan> chosen;
+  for (std::size_t i = part.index - 1; i < scans.size(); i += part.count) chosen.push_back(scans[i]);
+  return chosen;
 }
 
 }  // namespace rbvh

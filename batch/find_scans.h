@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace rbvh {
@@ -22,7 +23,15 @@ struct FoundScans {
 /// one name.
 FoundScans find_scans(const std::vector<std::string>& inputs, const std::string& output);
 
-/// Number `index` of `count` equal parts, from 1: each scan is in one.
-std::vector<BatchScan> shard(const std::vector<BatchScan>& scans, std::size_t index, std::size_t count);
+/// Part `index` of `count`, from 1.
+struct Shard {
+  std::size_t index = 1, count = 1;
+};
+
+/// "I/N". Throws Error(kUsage).
+Shard parse_shard(std::string_view text);
+
+/// Each scan is in one part.
+std::vector<BatchScan> shard(const std::vector<BatchScan>& scans, const Shard& part);
 
 }  // namespace rbvh

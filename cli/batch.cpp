@@ -8,7 +8,6 @@
 #include "cli/exit_code.h"
 #include "cli/remedies.h"
 #include "cli/stages.h"
-#include "io/output_file.h"
 #include "pipeline/base/parallel_for.h"
 
 namespace rbvh {
@@ -16,25 +15,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Shard {
-  std::size_t index = 1, count = 1;
-};
-
 struct BatchOptions {
   std::vector<std::string> inputs;
   std::string chain;
   int jobs = 0;
   Shard shard;
 };
-
-Shard parse_shard(std::string_view text) {
-  const std::size_t slash = std::min(text.find('/'), text.size());
-  const int index = parse_positive(text.substr(0, slash));
-  const int count = parse_positive(text.substr(std::min(slash + 1, text.size())));
-  if (index > count)
-    throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not I/N with I up to N");
-  return {static_cast<std::size_t>(index), static_cast<std::size_t>(count)};
-}
 
 std::string parse_file(std::string_view text) { return std::string(text); }
 
@@ -46,20 +32,6 @@ Chain chain_of(const BatchOptions& options) {
   return chain;
 }
 
-void write_whole(const std::string& path, const std::string& text) {
-  OutputFile file(path, true);
-  file.write(text);
-  file.commit();
-}
-
-void write_tables(const std::string& output, const Shard& part, const nlohmann::ordered_json& table) {
-  const std::string name =
-      part.count == 1 ? "batch" : "batch-" + std::to_string(part.index) + "-of-" + std::to_string(part.count);
-  write_whole((fs::path(output) / (name + ".json")).string(),
-              table.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-  write_whole((fs::path(output) / (name + ".csv")).string(), batch_csv(table));
-}
-
 void run_stage(Context& context, const BatchOptions& options) {
   const Chain chain = chain_of(options);
   check_paths_differ(context, {options.chain}, {});
@@ -69,7 +41,7 @@ void run_stage(Context& context, const BatchOptions& options) {
   fs::create_directory(output, code);
   if (!fs::is_directory(output))
     throw Error(ErrorKind::kFailure, context.output, "is no folder, and none can be made there");
-  std::vector<BatchScan> scans = shard(found.scans, options.shard.index, options.shard.count);
+  std::vector<BatchScan> scans = shard(found.scans, options.shard);
   for (BatchScan& scan : scans) scan.path = fs::absolute(scan.path).string();
   if (found.others > 0)
     note(context, "rbvh batch: " + counted(found.others, "file") + " left out: no scans by their names");

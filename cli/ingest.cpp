@@ -12,6 +12,7 @@
 #include "io/scan_io.h"
 #include "io/text_columns.h"
 #include "pipeline/base/units.h"
+#include "pipeline/scan/ingest_words.h"
 
 namespace rbvh {
 namespace {
@@ -25,27 +26,6 @@ struct IngestOptions {
   IngestConfig config;
   std::vector<const CLI::Option*> of_clouds;  // that meshes have no use for, beside what ingest() refuses
 };
-
-Outliers parse_outliers(std::string_view text) {
-  const std::vector<std::string> words = parse_list(text);
-  if (words.size() != 2) throw Error(ErrorKind::kUsage, "", "'" + std::string(text) + "' is not K,SIGMA");
-  Outliers outliers{.neighbors = static_cast<std::size_t>(parse_positive(words[0])),
-                    .sigma = parse_number(words[1])};
-  if (outliers.sigma <= 0) throw Error(ErrorKind::kUsage, "", "SIGMA must be above 0");
-  return outliers;
-}
-
-TextColumns parse_columns(std::string_view text) {
-  TextColumns columns;
-  for (const std::string& word : parse_list(text)) {
-    const std::size_t equals = word.find('=');
-    if (equals == 0 || equals == std::string::npos)
-      throw Error(ErrorKind::kUsage, "", "'" + word + "' is not NAME=NUMBER");
-    columns.emplace_back(word.substr(0, equals),
-                         static_cast<std::size_t>(parse_positive(word.substr(equals + 1))));
-  }
-  return columns;
-}
 
 double parse_fraction(std::string_view text) { return parse_between(text, 0, 1); }
 
@@ -128,7 +108,7 @@ void add_ingest(CLI::App& app, Context& context) {
                  "neighbours from which a cloud's normals and radii are estimated (default: 16)"));
   add_parsed(*stage, "--viewpoint", config.viewpoint, parse_vec3, "X,Y,Z",
              "where the scanner stood, in the input's coordinates (default: the file's, else none)");
-  add_parsed(*stage, "--columns", options->columns, parse_columns, "x=1,y=2,z=3",
+  add_parsed(*stage, "--columns", options->columns, parse_text_columns, "x=1,y=2,z=3",
              "which columns of a text cloud, from 1, are what: x, y, z, nx, ny, nz, red, green, blue, or a "
              "property's name (default: as its header says, else the first three)");
   add_parsed(*stage, "--units", options->units, parse_units, "mm",

@@ -8,6 +8,7 @@
 #include "io/colors.h"
 #include "io/text_columns.h"
 #include "io/text_cursor.h"
+#include "pipeline/base/words.h"
 
 namespace rbvh {
 namespace {
@@ -326,6 +327,18 @@ RawScan read_xyz_columns(std::string_view bytes, const std::string& file, const 
 
 RawScan read_xyz(std::string_view bytes, const std::string& file) {
   return read_xyz_columns(bytes, file, {});
+}
+
+TextColumns parse_text_columns(std::string_view text) {
+  TextColumns columns;
+  for (const std::string& word : parse_list(text)) {
+    const std::size_t equals = word.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw Error(ErrorKind::kUsage, "", "'" + word + "' is not NAME=NUMBER");
+    columns.emplace_back(word.substr(0, equals),
+                         static_cast<std::size_t>(parse_positive(word.substr(equals + 1))));
+  }
+  return columns;
 }
 
 }  // namespace rbvh

@@ -17,6 +17,9 @@ bool is_xyz(std::string_view bytes);
 /// others are normals, colours and properties. Numbers count from 1.
 using TextColumns = std::vector<std::pair<std::string, std::size_t>>;
 
+/// "x=3,y=2,z=4", from 1. Throws Error(kUsage).
+TextColumns parse_text_columns(std::string_view text);
+
 /// Columns are separated by semicolons, tabs, commas or blanks; where commas do not separate, they are
 /// decimal points. Lines that begin with '#' or "//" are comments; up to 32 more lines of header are allowed;
 /// a lone count (PTS) is checked against the number of points, and another one behind that many begins
