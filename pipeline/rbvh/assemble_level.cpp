@@ -18,6 +18,7 @@
 #include "pipeline/rbvh/pack_atlas.h"
 #include "pipeline/rbvh/snap_primitives.h"
 #include "pipeline/rbvh/texel.h"
+#include "pipeline/scan/creases.h"
 #include "pipeline/scan/vertex_normals.h"
 
 namespace rbvh {
@@ -88,16 +89,17 @@ void sort_into_blocks(std::span<std::uint32_t> primitives, const Scan& scan) {
   sort_into_blocks(primitives.subspan(middle), scan);
 }
 
-/// Appends the primitives of a leaf.
-void add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives, bool has_lattice,
-                    PrimitiveVertices& vertices, Scan& to) {
+/// Appends the primitives of a leaf. `triangles`: the scan's, or those of its CreasedMesh.
+void add_primitives(const Scan& scan, const std::vector<Triangle>& triangles,
+                    std::span<const std::uint32_t> primitives, bool has_lattice, PrimitiveVertices& vertices,
+                    Scan& to) {
   for (const std::uint32_t i : primitives) {
     if (scan.is_cloud()) {
       vertices.add(i);
       to.radii.push_back(has_lattice ? unround_radius(round_radius(scan.radii[i])) : scan.radii[i]);
       continue;
     }
-    Triangle t = scan.triangles[i];
+    Triangle t = triangles[i];
     for (std::uint32_t& corner : t) corner = vertices.add(corner);
     to.triangles.push_back(t);
   }
@@ -107,17 +109,23 @@ void add_primitives(const Scan& scan, std::span<const std::uint32_t> primitives,
 void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<std::uint32_t>& order,
                       const std::vector<std::vector<std::uint32_t>>& of_tile, const Scan& scan,
                       std::span<const Vec3f> places, std::span<const std::uint32_t> first_at_place) {
-  if (std::none_of(tiles.begin(), tiles.end(),
-                   [](const Tile& tile) { return tile.decision == LeafDecision::kPrimitives; }))
-    return;
-  const std::vector<Vec3f> normals = scan.normals.empty() ? vertex_normals(scan) : scan.normals;
-  PrimitiveVertices vertices(scan, normals, level.lattice, places, first_at_place, level.primitives);
+  const auto holding = std::count_if(tiles.begin(), tiles.end(), [](const Tile& tile) {
+    return tile.decision == LeafDecision::kPrimitives;
+  });
+  if (holding == 0) return;
+  // Among tiles, whose normals are smooth, triangles are as small as texels.
+  const bool in_sides = scan.normals.empty() && holding == std::ssize(tiles);
+  const CreasedMesh creased = in_sides ? split_creases(scan) : CreasedMesh{scan.triangles, {}};
+  const std::vector<Vec3f> normals = scan.normals.empty() ? vertex_normals(scan, creased) : scan.normals;
+  PrimitiveVertices vertices(scan, normals, creased.copies, level.lattice, places, first_at_place,
+                             level.primitives);
   for (std::uint32_t leaf = 0; leaf < order.size(); ++leaf) {
     Tile& tile = tiles[order[leaf]];
     if (tile.decision != LeafDecision::kPrimitives) continue;
     level.primitive_leaves.push_back({leaf, static_cast<std::uint32_t>(primitive_count(level))});
     tile.leaf.primitives = static_cast<std::uint32_t>(of_tile[order[leaf]].size());
-    add_primitives(scan, of_tile[order[leaf]], level.lattice.step > 0, vertices, level.primitives);
+    add_primitives(scan, creased.triangles, of_tile[order[leaf]], level.lattice.step > 0, vertices,
+                   level.primitives);
   }
   if (scan.is_cloud()) return;
   rotate_as_stored(level.primitives);

@@ -13,6 +13,7 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/coincident.h"
+#include "pipeline/scan/creases.h"
 #include "pipeline/scan/open_vertices.h"
 #include "pipeline/scan/simplify.h"
 
@@ -166,21 +167,23 @@ void widen_thin_parts(Scan& scan, const Lattice& lattice) {
   if (lattice.step > 0 && !scan.is_cloud()) ThinParts(scan, lattice).widen();
 }
 
-PrimitiveVertices::PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice,
+PrimitiveVertices::PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals,
+                                     std::span<const std::uint32_t> copies, const Lattice& lattice,
                                      std::span<const Vec3f> places,
                                      std::span<const std::uint32_t> first_at_place, Scan& to)
     : scan_(scan),
       normals_(normals),
+      copies_(copies),
       lattice_(lattice),
       places_(places),
       first_at_place_(first_at_place),
       to_(to),
-      numbers_(scan.positions.size(), kNone),
+      numbers_(normals.size(), kNone),
       last_at_place_(first_at_place.size(), kNone) {}
 
 bool PrimitiveVertices::are_alike(std::uint32_t number, Vec3f normal, std::uint32_t vertex) const {
   // Normals of the scan's own tell edges from the rest; those that follow from its faces only tell sides.
-  if (dot(to_.normals[number], normal) < (scan_.normals.empty() ? 0 : kAlikeNormal)) return false;
+  if (dot(to_.normals[number], normal) < (scan_.normals.empty() ? kCreaseCosine : kAlikeNormal)) return false;
   if (scan_.colors.empty()) return true;
   const Color8 &a = to_.colors[number], &b = scan_.colors[vertex];
   for (std::size_t c = 0; c < 3; ++c)
@@ -188,10 +191,12 @@ bool PrimitiveVertices::are_alike(std::uint32_t number, Vec3f normal, std::uint3
   return true;
 }
 
-std::uint32_t PrimitiveVertices::add(std::uint32_t vertex) {
-  std::uint32_t& number = numbers_[vertex];
+std::uint32_t PrimitiveVertices::add(std::uint32_t side) {
+  std::uint32_t& number = numbers_[side];
   if (number != kNone) return number;
-  const auto unit = static_cast<Vec3f>(normalized(static_cast<Vec3d>(normals_[vertex])));
+  const auto count = static_cast<std::uint32_t>(scan_.positions.size());
+  const std::uint32_t vertex = side < count ? side : copies_[side - count];
+  const auto unit = static_cast<Vec3f>(normalized(static_cast<Vec3d>(normals_[side])));
   const Vec3f normal = lattice_.step > 0 ? unpack_normal(pack_normal(unit)) : unit;
   number = static_cast<std::uint32_t>(to_.positions.size());
   if (!scan_.is_cloud()) {

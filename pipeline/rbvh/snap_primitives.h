@@ -33,18 +33,21 @@ void drop_collapsed(RefinedLevel& level, const Scan& scan, std::span<const std::
 /// scan has.
 class PrimitiveVertices {
  public:
-  /// `places`: where the scan's vertices lie on the lattice. `first_at_place`: of these; of discs none.
-  PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, const Lattice& lattice,
-                    std::span<const Vec3f> places, std::span<const std::uint32_t> first_at_place, Scan& to);
+  /// `copies`: of CreasedMesh, with `normals` for these, too. `places`: where the scan's vertices lie on the
+  /// lattice. `first_at_place`: of these; of discs none.
+  PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals, std::span<const std::uint32_t> copies,
+                    const Lattice& lattice, std::span<const Vec3f> places,
+                    std::span<const std::uint32_t> first_at_place, Scan& to);
 
-  /// The number of the scan's vertex.
-  std::uint32_t add(std::uint32_t vertex);
+  /// The number of the scan's vertex, or of a copy.
+  std::uint32_t add(std::uint32_t side);
 
  private:
   bool are_alike(std::uint32_t number, Vec3f normal, std::uint32_t vertex) const;
 
   const Scan& scan_;
   std::span<const Vec3f> normals_;
+  std::span<const std::uint32_t> copies_;
   const Lattice& lattice_;
   std::span<const Vec3f> places_;
   std::span<const std::uint32_t> first_at_place_;

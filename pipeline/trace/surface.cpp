@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
@@ -11,7 +12,7 @@
 #include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
-#include "pipeline/scan/vertex_normals.h"
+#include "pipeline/scan/creases.h"
 
 namespace rbvh {
 namespace {
@@ -71,11 +72,15 @@ Vec3f linear_color(const Color8& color) {
   return {srgb_table()[color[0]], srgb_table()[color[1]], srgb_table()[color[2]]};
 }
 
-std::vector<Vec3f> shading_normals(const Scan& scan) {
-  return scan.normals.empty() ? vertex_normals(scan) : scan.normals;
+ShadingNormals shading_normals(const Scan& scan) {
+  if (!scan.normals.empty()) return {scan.normals, {}};
+  CreasedMesh creased = split_creases(scan);
+  std::vector<Vec3f> normals = vertex_normals(scan, creased);
+  return {std::move(normals),
+          creased.copies.empty() ? std::vector<Triangle>() : std::move(creased.triangles)};
 }
 
-SurfaceSamples sample_surface(const Scan& mesh, std::span<const Vec3f> normals, std::span<const Hit> hits) {
+SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, std::span<const Hit> hits) {
   SurfaceSamples samples;
   samples.normals.resize(hits.size());
   const bool has_colors = !mesh.colors.empty();
@@ -85,10 +90,11 @@ SurfaceSamples sample_surface(const Scan& mesh, std::span<const Vec3f> normals, 
       const Hit& hit = hits[i];
       if (!is_hit(hit)) continue;
       const Triangle& corners = mesh.triangles[hit.leaf];
+      const Triangle& sides = normals.corners.empty() ? corners : normals.corners[hit.leaf];
       const float weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
       Vec3f normal{}, color{};
       for (std::size_t k = 0; k < 3; ++k) {
-        normal = normal + normals[corners[k]] * weights[k];
+        normal = normal + normals.normals[sides[k]] * weights[k];
         if (has_colors) color = color + linear_color(mesh.colors[corners[k]]) * weights[k];
       }
       normal = normalized(normal);

@@ -10,16 +10,20 @@
 
 namespace rbvh {
 
-/// A scan's smooth normals: its own, or for a mesh without any those of vertex_normals() (as `build` stores
-/// them).
-std::vector<Vec3f> shading_normals(const Scan& scan);
+/// A scan's smooth normals: its own, or for a mesh without any those of its faces' sides (creases.h), as
+/// `build` stores them.
+struct ShadingNormals {
+  std::vector<Vec3f> normals;
+  std::vector<Triangle> corners;  ///< of each triangle, among the normals; none: its vertices
+};
+ShadingNormals shading_normals(const Scan& scan);
 
 /// A vertex's colour in linear light.
 Vec3f linear_color(const Color8& color);
 
-/// Interpolated over the triangle of the mesh that was hit. `normals` are its shading_normals(). Those of
-/// clouds: disc_surface.h.
-SurfaceSamples sample_surface(const Scan& mesh, std::span<const Vec3f> normals, std::span<const Hit> hits);
+/// Interpolated over the triangle of the mesh that was hit. `normals`: shading_normals(). Those of clouds:
+/// disc_surface.h.
+SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, std::span<const Hit> hits);
 
 /// Bilinear over the texels of the level's normal and colour layers that have a surface. The geometric normal
 /// where the level has no such layer.

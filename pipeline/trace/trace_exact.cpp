@@ -173,7 +173,7 @@ SurfaceSamples ExactTracer::surface(std::span<const Hit> hits) const {
     if (!discs) discs = std::make_shared<const DiscSurface>(make_disc_surface(*scan));
     return sample_surface(*scan, *discs, hits);
   }
-  if (!normals) normals = std::make_shared<const std::vector<Vec3f>>(shading_normals(*scan));
+  if (!normals) normals = std::make_shared<const ShadingNormals>(shading_normals(*scan));
   return sample_surface(*scan, *normals, hits);
 }
 

@@ -12,6 +12,7 @@
 #include "pipeline/bvh/exact_methods.h"
 #include "pipeline/device/device.h"
 #include "pipeline/trace/disc_surface.h"
+#include "pipeline/trace/surface.h"
 #include "rbvh/scan.h"
 #include "rbvh/tracer.h"
 
@@ -38,7 +39,7 @@ struct ExactTracer final : Tracer {
 
   const Scan* scan = nullptr;
   /// For shading, made when first wanted: of a mesh, and of a cloud.
-  mutable std::shared_ptr<const std::vector<Vec3f>> normals;
+  mutable std::shared_ptr<const ShadingNormals> normals;
   mutable std::shared_ptr<const DiscSurface> discs;
 
   using Tracer::Tracer;

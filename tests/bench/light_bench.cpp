@@ -23,7 +23,7 @@ namespace {
 /// Embree behind the tracer's functions. Its rays and hits go through host memory, as PoCL's buffers do.
 struct EmbreeTracer : Tracer {
   const Scan* scan;
-  std::vector<Vec3f> normals;
+  ShadingNormals normals;
   std::unique_ptr<EmbreeScene> embree;
   mutable double seconds = 0;  ///< of casting alone
 
