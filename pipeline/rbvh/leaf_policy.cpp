@@ -29,7 +29,7 @@ constexpr float kWidestTexel = 9e-4f;
 /// bytes each against 2.1 (dragon). Rays take triangles faster as well.
 constexpr float kTexelsPerSimplified = 2;
 /// Texels that a point of a cloud is worth.
-constexpr float kTexelsPerPoint = 2;
+constexpr float kTexelsPerPoint = 1.45f;
 constexpr double kNoisyArea = 1.1;
 /// More of the primitives at boundary edges: a soup. Fewer texels for each primitive: too coarse a level.
 constexpr float kMostBoundary = 0.25f, kLeastBoundaryTexels = 0.5f;

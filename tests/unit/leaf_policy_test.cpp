@@ -95,10 +95,10 @@ TEST(LeafPolicy, NodesThatSpanTooDifferentDensitiesAreSplit) {
 
 TEST(LeafPolicy, CloudsHaveNoMoreTexelsThanTheirPointsAreWorth) {
   EXPECT_FLOAT_EQ(cloud_rho(2e6f, 10000000), 2e6f);
-  EXPECT_FLOAT_EQ(cloud_rho(2e6f, 1000), 2000);
-  EXPECT_FLOAT_EQ(cloud_rho(1e6f, 1000), 1000) << "the levels stay as far apart as they are";
-  EXPECT_FLOAT_EQ(cloud_rho(32e6f, 1000), 2000) << "finer than Q0: no more than its points are worth";
-  EXPECT_FLOAT_EQ(cloud_rho(32e6f, 1000000), 2e6f);
+  EXPECT_FLOAT_EQ(cloud_rho(2e6f, 1000), 1450);
+  EXPECT_FLOAT_EQ(cloud_rho(1e6f, 1000), 725) << "the levels stay as far apart as they are";
+  EXPECT_FLOAT_EQ(cloud_rho(32e6f, 1000), 1450) << "finer than Q0: no more than its points are worth";
+  EXPECT_FLOAT_EQ(cloud_rho(32e6f, 1000000), 1.45e6f);
 }
 
 TEST(LeafPolicy, MeshesAreNoisyWhereNoiseAddsATenthToTheArea) {
