@@ -98,7 +98,7 @@ CLI::Option* add_level_option(CLI::App& stage, std::vector<std::string>& levels,
         if (!several && (levels.size() > 1 || levels[0] == "all"))
           throw Error(ErrorKind::kUsage, "", "--level: one level is wanted");
       },
-      several ? "levels with commas between, or all (default: the finest; paint and validate: all); of "
+      several ? "levels with commas between, or all (default: the finest; paint, validate and view: all); of "
                 "render also "
                 "auto: for each ray the coarsest whose texels a pixel covers"
               : "the level to use (default: the finest)");

@@ -72,6 +72,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_batch(app, context);
   add_info(app, context);
   add_validate(app, context);
+  add_view(app, context);
   add_devices(app, context);
   std::vector<std::string> words(argv + 1, argv + argc);
   if (!words.empty() && words[0] == "help") {  // as other tools have it: help STAGE

@@ -22,6 +22,7 @@ void add_trace(CLI::App& app, Context& context);
 void add_batch(CLI::App& app, Context& context);
 void add_info(CLI::App& app, Context& context);
 void add_validate(CLI::App& app, Context& context);
+void add_view(CLI::App& app, Context& context);
 void add_devices(CLI::App& app, Context& context);
 
 }  // namespace rbvh

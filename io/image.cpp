@@ -68,13 +68,18 @@ ImageFormat image_format(const std::string& path, Image::Kind kind) {
   return extension == ".png" ? ImageFormat::kPng : ImageFormat::kJpeg;
 }
 
+std::vector<std::byte> encode_image_png(const Image& image) {
+  const std::size_t channels = image.channels.size();
+  return encode_png(image.width, image.height, channels, to_bytes(image, channels),
+                    image.kind == Image::Kind::kColor);
+}
+
 void write_image(const std::string& path, const Image& image, bool overwrite) {
   const ImageFormat format = image_format(path, image.kind);
   OutputFile file(path, overwrite);
   const bool is_color = image.kind == Image::Kind::kColor;
   if (format == ImageFormat::kPng) {
-    const std::size_t channels = image.channels.size();
-    file.write(encode_png(image.width, image.height, channels, to_bytes(image, channels), is_color));
+    file.write(encode_image_png(image));
     return file.commit();
   }
   ImageSpec spec;

@@ -2,7 +2,9 @@
 // equal bytes.
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "rbvh/image.h"
 #include "rbvh/io.h"
@@ -15,5 +17,8 @@ enum class ImageFormat { kPng, kJpeg, kExr };
 /// else PNG. Throws Error(kUsage) for any other extension, and for data (Image::Kind::kData) in a format of 8
 /// bits.
 ImageFormat image_format(const std::string& path, Image::Kind kind);
+
+/// The bytes of a PNG file: 8 bits a channel, straight alpha.
+std::vector<std::byte> encode_image_png(const Image& image);
 
 }  // namespace rbvh

@@ -26,6 +26,7 @@ BUILD = "build ball.ply -o out/a.rbvh --levels Q4"
 STAGES = [
     Stage("ingest", "ingest ball.ply -o out/a.ply", uses_device=False),
     Stage("mesh", "mesh ball.rbvh -o out/a.glb", uses_device=False),
+    Stage("view", "view ball.rbvh -o out/a.html", uses_device=False),
     Stage("lod", "lod ball.rbvh --levels Q4 -o out/a.rbvh"),
     Stage("build", BUILD),
     Stage("paint", "paint out/a.rbvh --layer wear --points p.npy --values v.npy", other=BUILD),

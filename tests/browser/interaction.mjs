@@ -1,0 +1,167 @@
+// What people do with a page, and what it does where something is missing.
+import assert from "node:assert/strict";
+import { readFileSync, writeFileSync } from "node:fs";
+import { test } from "node:test";
+import { path } from "./fixtures.mjs";
+import { open, openReady } from "./pages.mjs";
+
+const sub = (a, b) => a.map((v, i) => v - b[i]), length = (v) => Math.hypot(...v), degrees = (r) => (180 * r) / Math.PI;
+const near = (a, b, tolerance, what) => assert.ok(Math.abs(a - b) <= tolerance, `${what}: ${a}, not ${b}`);
+/** Where the camera stands, as seen from what it looks at; the scans' up is +Y. */
+const place = ({ position, focalPoint }) => {
+  const [x, y, z] = sub(position, focalPoint);
+  return { azimuth: degrees(Math.atan2(x, z)), elevation: degrees(Math.atan2(y, Math.hypot(x, z))), distance: Math.hypot(x, y, z) };
+};
+const camera = (page) => page.evaluate("rbvh.getCamera()");
+const message = (page) => page.evaluate('document.getElementById("message").textContent');
+/** The picture's part of the page: its middle, and its height. */
+const stage = (page) => page.evaluate(`(() => {
+  const box = document.getElementById("stage").getBoundingClientRect();
+  return { x: Math.round(box.x + box.width / 2), y: Math.round(box.y + box.height / 2), height: box.height };
+})()`);
+const turn = (a, b) => ((b - a + 540) % 360) - 180;
+
+test("drags, wheel and keys move the camera by the right amounts", async () => {
+  const page = await openReady("color", "", 400, 400), { x, y, height } = await stage(page);
+  let was = place(await camera(page));
+  await page.drag([x, y], [x + 40, y + 20]);
+  let is = place(await camera(page));
+  near(turn(was.azimuth, is.azimuth), (-40 / height) * 180, 0.1, "azimuth");
+  near(is.elevation - was.elevation, (20 / height) * 180, 0.1, "elevation");
+  near(is.distance, was.distance, 1e-6 * was.distance, "distance");
+
+  const before = await camera(page);
+  await page.drag([x, y], [x + 30, y], { modifiers: 8 });
+  const after = await camera(page), pixel = (2 * Math.tan(Math.PI / 12) * is.distance) / height;
+  near(length(sub(after.position, before.position)), 30 * pixel, 0.3 * pixel, "a drag with shift");
+  near(length(sub(sub(after.position, before.position), sub(after.focalPoint, before.focalPoint))), 0, 1e-6, "the focal point goes along");
+
+  await page.mouse("mouseWheel", x, y, { deltaX: 0, deltaY: 120, buttons: 0 });
+  await page.until(`Math.abs(${is.distance} - Math.hypot(...rbvh.getCamera().position.map((v, i) => v - rbvh.getCamera().focalPoint[i]))) > 1e-3`);
+  near(place(await camera(page)).distance / is.distance, Math.exp(0.12), 1e-3, "wheel");
+
+  await page.evaluate('document.getElementById("stage").focus()');
+  was = place(await camera(page));
+  await page.key("ArrowRight");
+  near(turn(was.azimuth, place(await camera(page)).azimuth), 5, 0.01, "an arrow key");
+  await page.key("+");
+  near(place(await camera(page)).distance / was.distance, 0.85, 1e-3, "plus");
+  await page.key("5");
+  near(place(await camera(page)).elevation, 89.9, 0.01, "the view from the top");
+  await page.key("r");
+  is = place(await camera(page));
+  near(is.azimuth, 30, 0.01, "azimuth after a reset");
+  near(is.elevation, 20, 0.01, "elevation after a reset");
+  assert.deepEqual(page.errors, []);
+  await page.close();
+});
+
+test("two fingers come nearer and move, one turns", async () => {
+  const page = await openReady("color", "", 400, 400), { x, y, height } = await stage(page);
+  const was = place(await camera(page));
+  await page.touch("touchStart", [[x - 30, y], [x + 30, y]]);
+  await page.touch("touchMove", [[x - 60, y], [x + 60, y]]);
+  await page.touch("touchEnd", []);
+  const pinched = place(await camera(page));
+  near(pinched.distance / was.distance, 0.5, 0.02, "a pinch");
+  await page.touch("touchStart", [[x, y]]);
+  await page.touch("touchMove", [[x + 40, y]]);
+  await page.touch("touchEnd", []);
+  near(turn(pinched.azimuth, place(await camera(page)).azimuth), (-40 / height) * 180, 0.1, "one finger");
+  await page.close();
+});
+
+test("probe, distance, pivot and link give the scan's numbers", async () => {
+  const page = await openReady("painted", "", 400, 400), { x, y } = await stage(page);
+  await page.evaluate('rbvh.setLayer("wear")');
+  assert.equal(await page.evaluate('document.getElementById("bar").hidden'), false);
+  assert.equal(await page.evaluate('document.getElementById("bar-name").textContent'), "wear");
+  await page.evaluate('document.getElementById("probe").click()');
+  await page.click(x, y);
+  await page.until("rbvh.ui.probed", 60);
+  const { position, normal, values } = await page.evaluate("rbvh.ui.probed");
+  assert.ok(length(position) > 0.85 && length(position) < 1.45, `at ${position}`);
+  near(length(normal), 1, 1e-5, "the normal's length");
+  // The layer is 10 + 5 y / 1.3 within the radius of its dabs.
+  near(values[0], 10 + (5 * position[1]) / 1.3, 1, "the layer's value");
+  assert.match(await message(page), /^Position .* normal .* wear /);
+
+  await page.evaluate('document.getElementById("measure").click()');
+  await page.click(x, y);
+  await page.until('document.getElementById("message").textContent === "Click the second point"', 60);
+  const first = await page.evaluate("rbvh.ui.probed.position");
+  await page.click(x + 30, y - 40);
+  await page.until("rbvh.ui.distance !== null", 60);
+  const second = await page.evaluate("rbvh.ui.probed.position");
+  near(await page.evaluate("rbvh.ui.distance"), length(sub(second, first)), 1e-6, "the distance");
+  assert.match(await message(page), /^Distance /);
+  assert.equal(await page.evaluate('document.querySelectorAll("#marks i").length'), 2);
+
+  await page.evaluate('document.getElementById("measure").click()');
+  const was = await camera(page);
+  await page.click(x + 30, y - 40, 2);
+  await page.until(`Math.hypot(...rbvh.viewer.pivot.map((v, i) => v - ${JSON.stringify(second)}[i])) < 1e-3`, 60);
+  const is = await camera(page);
+  near(length(sub(is.position, was.position)), 0, 1e-9, "the camera stays");
+
+  const link = await page.evaluate("rbvh.link()");
+  await page.evaluate("rbvh.ui.reset()");
+  await page.evaluate(`(location.hash = ${JSON.stringify(link)}, 0)`);
+  await page.until(`Math.hypot(...rbvh.getCamera().position.map((v, i) => v - ${JSON.stringify(is.position)}[i])) < 1e-6`);
+  assert.deepEqual(page.errors, []);
+  await page.close();
+});
+
+test("a lost device comes back", async () => {
+  const page = await openReady("tiles");
+  await page.until("rbvh.viewer.firstPicture > 0", 60);
+  await page.evaluate(`(window.lost = rbvh.viewer.canvas.getContext("webgl2").getExtension("WEBGL_lose_context"), lost.loseContext(), 0)`);
+  await page.until("rbvh.viewer.renderer === null");
+  assert.match(await message(page), /lost/);
+  await page.evaluate("(lost.restoreContext(), 0)");
+  await page.until("rbvh.viewer.renderer !== null", 60);
+  const lit = await page.evaluate("rbvh.render(64, 64).then(({ data }) => data.filter((v, i) => i % 4 === 3 && v > 0).length)");
+  assert.ok(lit > 400, `${lit} pixels`);
+  await page.close();
+});
+
+test("without WebGL2 and WebGPU there is the thumbnail, and a sentence", async () => {
+  const page = await open("tiles", "", 360, 480, (page) => page.send("Page.addScriptToEvaluateOnNewDocument",
+    { source: "HTMLCanvasElement.prototype.getContext = () => null;" }));
+  await page.until('document.getElementById("message")?.textContent', 60);
+  assert.match(await message(page), /cannot draw the scan.*still/);
+  assert.equal(await page.evaluate('document.getElementById("still").naturalWidth'), 512);
+  await page.close();
+});
+
+test("a damaged page says so", async () => {
+  const html = readFileSync(path("color.html"), "utf8"), at = html.indexOf('id="rbvh-level-0">') + 2000;
+  writeFileSync(path("damaged.html"), html.slice(0, at) + (html[at] === "A" ? "B" : "A") + html.slice(at + 1));
+  const page = await open("damaged");
+  await page.until('document.getElementById("message")?.textContent', 60);
+  assert.match(await message(page), /^This page is broken/);
+  await page.close();
+});
+
+test("names from scans are text; a narrow page needs no scrolling; all controls have names and are reached by tab", async () => {
+  const html = readFileSync(path("color.html"), "utf8");
+  const name = '"name":"color"', evil = '"name":"\\u003cscript>window.stolen = 1\\u003c/script>\\u003cimg src=x onerror=\\"stolen = 1\\">"';
+  assert.ok(html.includes(name));
+  writeFileSync(path("evil.html"), html.replace(name, () => evil));
+  const page = await openReady("evil", "", 360, 640);
+  assert.match(await page.evaluate('document.getElementById("name").textContent'), /^<script>/);
+  assert.equal(await page.evaluate("window.stolen"), undefined);
+  assert.ok((await page.evaluate("document.documentElement.scrollWidth")) <= 360);
+  assert.ok((await stage(page)).height > 320);
+  const names = await page.evaluate(`[...document.querySelectorAll("button, select, input, #stage")].map((e) => e.ariaLabel ?? e.textContent)`);
+  assert.ok(names.every((text) => text.length > 0), names.join());
+  const seen = new Set();
+  for (let i = 0; i < 12; ++i) {
+    await page.send("Input.dispatchKeyEvent", { type: "keyDown", key: "Tab", code: "Tab", windowsVirtualKeyCode: 9 });
+    seen.add(await page.evaluate("document.activeElement.id"));
+  }
+  for (const id of ["level", "view", "reset", "probe", "measure", "picture", "link", "theme", "renderer", "stage"])
+    assert.ok(seen.has(id), `${id} is not reached: ${[...seen]}`);
+  assert.deepEqual(page.errors, []);
+  await page.close();
+});

@@ -1,0 +1,646 @@
+// What trace.glsl and surface.glsl do, in WGSL, and the passes of passes.ts as compute shaders: a work-group
+// of 8 x 8 pixels. A level's words lie in two buffers, from the offsets in `u` on.
+struct Uniforms {
+  sceneLo: vec3f, nodes: u32,
+  sceneHi: vec3f, prims: u32,
+  camPosition: vec3f, vertices: u32,
+  camCorner: vec3f, tiles: u32,
+  camRight: vec3f, layerLeaves: u32,
+  camDown: vec3f, normals: u32,
+  keyDirection: vec3f, heights: u32,
+  skyUp: vec3f, colors: u32,
+  camOffset: vec2f, layerRange: vec2f,
+  background: vec3f, layerValues: u32,
+  size: vec2u, target_: vec2u,
+  radii: vec3i, row: u32,
+  hasDiscs: u32, hasColors: u32, layerChannels: u32, layerInRange: u32,
+  skyDistance: f32, lift: f32, pixelAngle: f32, weight: f32,
+  kept: f32, sampleNumber: u32, occluded: u32, rayCount: u32,
+}
+@group(0) @binding(0) var<uniform> u: Uniforms;
+@group(0) @binding(1) var<storage, read> blocks: array<vec4u>;
+@group(0) @binding(2) var<storage, read> texels: array<u32>;
+@group(0) @binding(3) var<storage, read_write> surfaces: array<vec4u>;  // t, normal | albedo, leaf
+@group(0) @binding(4) var<storage, read_write> lights: array<vec2f>;    // key, sky
+@group(0) @binding(5) var<storage, read_write> sums: array<vec4f>;
+@group(0) @binding(6) var<storage, read_write> rays: array<vec4f>;      // two a ray
+@group(0) @binding(7) var<storage, read_write> hits: array<vec4u>;      // three a ray
+
+const FAR = 3e38;
+const NONE = 0xffffffffu;
+const LEAF = 0x80000000u;
+const TILE = 0x40000000u;
+const STACK = 8u;
+
+fn word4(base: u32, at: u32) -> vec4u { return blocks[base + at]; }
+fn float4(base: u32, at: u32) -> vec4f { return bitcast<vec4f>(blocks[base + at]); }
+fn half_(base: u32, at: u32) -> u32 { return (texels[base + (at >> 1u)] >> (16u * (at & 1u))) & 65535u; }
+
+struct Found { t: f32, id: u32, leaf: u32, uv: vec2f }
+
+var<private> rayO: vec3f;
+var<private> rayD: vec3f;
+var<private> inverse: vec3f;
+var<private> nearOffset: vec3f;
+var<private> farOffset: vec3f;
+var<private> backwards: vec3<bool>;
+var<private> rayMin: f32;
+var<private> longest: i32;
+var<private> sheared: vec3f;
+var<private> shear: vec3f;
+var<private> anyHit: bool;
+var<private> found: Found;
+var<private> steps: u32;
+var<private> enter: f32;
+
+fn permuted(v: vec3f) -> vec3f {
+  if (longest == 0) { return v.yzx; }
+  if (longest == 1) { return v.zxy; }
+  return v;
+}
+
+fn prepare(o: vec3f, d: vec3f, tmin: f32, tmax: f32) -> bool {
+  rayO = o;
+  rayD = d;
+  rayMin = tmin;
+  found = Found(min(tmax, FAR), NONE, NONE, vec2f(0));
+  let size = abs(d);
+  let most = max(size.x, max(size.y, size.z));
+  if (!(most > 0.0) || most > FAR || !(tmin <= tmax)) { return false; }
+  longest = select(select(2, 1, size.y >= most), 0, size.x >= most);
+  sheared = permuted(o);
+  let p = permuted(d);
+  shear = vec3f(p.xy / p.z, 1.0 / p.z);
+  let away = max(max(abs(u.sceneLo - o), abs(u.sceneHi - o)), abs(o));
+  let margin = 1.2e-6 * max(away.x, max(away.y, away.z));
+  let signs = select(vec3f(1), vec3f(-1), d < vec3f(0));
+  let parallel = size <= vec3f(1e-18 * most);
+  inverse = select(1.0 / select(d, vec3f(1), parallel), signs * (1e18 / most), parallel);
+  backwards = inverse < vec3f(0);
+  let outwards = select(vec3f(margin), vec3f(-margin), backwards);
+  nearOffset = -(o + outwards) * inverse;
+  farOffset = -(o - outwards) * inverse;
+  return true;
+}
+
+fn entersBox(lo: vec3f, hi: vec3f) -> bool {
+  let a = select(lo, hi, backwards) * inverse + nearOffset;
+  let b = select(hi, lo, backwards) * inverse + farOffset;
+  enter = max(max(a.x, a.y), max(a.z, rayMin));
+  return enter <= min(min(b.x, b.y), min(b.z, found.t));
+}
+
+fn isNearer(t: f32, leaf: u32) -> bool { return t < found.t || (t == found.t && leaf < found.leaf); }
+
+fn intersectTriangle(at: u32, prim: vec4u) {
+  let a = permuted(float4(u.vertices, 2u * prim.x).xyz) - sheared;
+  let b = permuted(float4(u.vertices, 2u * prim.y).xyz) - sheared;
+  let c = permuted(float4(u.vertices, 2u * prim.z).xyz) - sheared;
+  let p = a.xy - shear.xy * a.z;
+  let q = b.xy - shear.xy * b.z;
+  let r = c.xy - shear.xy * c.z;
+  let e = r.x * q.y - r.y * q.x;
+  let v = p.x * r.y - p.y * r.x;
+  let w = q.x * p.y - q.y * p.x;
+  let sum = e + v + w;
+  let inside = (e >= 0.0 && v >= 0.0 && w >= 0.0) || (e <= 0.0 && v <= 0.0 && w <= 0.0);
+  if (!inside || sum == 0.0) { return; }
+  let t = (e * (shear.z * a.z) + v * (shear.z * b.z) + w * (shear.z * c.z)) / sum;
+  if (t >= rayMin && isNearer(t, prim.w)) { found = Found(t, at, prim.w, vec2f(v, w) / sum); }
+}
+
+fn intersectDisc(at: u32, prim: vec4u) {
+  let c = float4(u.vertices, 2u * prim.x).xyz - rayO;
+  let n = float4(u.vertices, 2u * prim.x + 1u);
+  let slope = dot(n.xyz, rayD);
+  if (slope == 0.0) { return; }
+  let t = dot(c, n.xyz) / slope;
+  let off = rayD * t - c;
+  if (dot(off, off) > n.w * n.w || !(t >= rayMin) || !isNearer(t, prim.w)) { return; }
+  let s = select(1.0, -1.0, n.z < 0.0);
+  let e = -1.0 / (s + n.z);
+  let f = n.x * n.y * e;
+  let p = off / n.w;
+  found = Found(t, at, prim.w, vec2f(p.x * (1.0 + s * n.x * n.x * e) + p.y * (s * f) - p.z * (s * n.x),
+                                     p.x * f + p.y * (s + n.y * n.y * e) - p.z * n.y));
+}
+
+struct Tile {
+  m0: vec3f, m1: vec3f, m2: vec3f, m3: vec3f, lo: vec3f, hi: vec3f,
+  width: i32, height: i32, offset: u32, leaf: u32, limit: f32, top: f32,
+}
+
+fn readTile(id: u32) -> Tile {
+  let a = float4(u.tiles, 6u * id);
+  let b = float4(u.tiles, 6u * id + 1u);
+  let c = float4(u.tiles, 6u * id + 2u);
+  let d = float4(u.tiles, 6u * id + 3u);
+  let e = word4(u.tiles, 6u * id + 4u);
+  let f = word4(u.tiles, 6u * id + 5u);
+  return Tile(a.xyz, vec3f(a.w, b.xy), vec3f(b.zw, c.x), c.yzw, d.xyz, vec3f(d.w, bitcast<vec2f>(e.xy)),
+              i32(e.z & 65535u), i32(e.z >> 16u), e.w, f.z, bitcast<f32>(f.x), bitcast<f32>(f.y));
+}
+
+fn heightAt(tile: Tile, at: i32) -> f32 { return f32(half_(u.heights, tile.offset + u32(at))); }
+
+fn patchHeight(tile: Tile, uv: vec2f) -> f32 {
+  let p = clamp(vec2i(uv), vec2i(0), vec2i(tile.width, tile.height) - 2);
+  let at = p.y * tile.width + p.x;
+  let a = heightAt(tile, at);
+  let b = heightAt(tile, at + 1);
+  let c = heightAt(tile, at + tile.width);
+  let d = heightAt(tile, at + tile.width + 1);
+  let f = uv - vec2f(p);
+  if (min(min(a, b), min(c, d)) == 0.0) { return -1.0; }
+  let h0 = a + (b - a) * f.x;
+  return h0 + (c + (d - c) * f.x - h0) * f.y;
+}
+
+struct Line { t: f32, D: f32, row: i32, solid: bool }
+struct GridRay {
+  oMajor: f32, dMajor: f32, iMajor: f32, oMinor: f32, dMinor: f32, ow: f32, dw: f32,
+  lastLine: i32, lastRow: i32, sMajor: i32, sMinor: i32,
+}
+
+fn sampleLine(tile: Tile, g: GridRay, k: i32) -> Line {
+  let t = (f32(k) - g.oMajor) * g.iMajor;
+  let minor = g.oMinor + g.dMinor * t;
+  let row = i32(clamp(minor, 0.0, f32(g.lastRow)));
+  let at = clamp(k, 0, g.lastLine) * g.sMajor + row * g.sMinor;
+  let h0 = heightAt(tile, at);
+  let h1 = heightAt(tile, at + g.sMinor);
+  let rise = h1 - h0;
+  return Line(t, (g.ow - h0) + g.dw * t - rise * (minor - f32(row)), row,
+              h0 > 0.0 && h1 > 0.0 && abs(rise) <= tile.limit);
+}
+
+fn march(id: u32) {
+  let tile = readTile(id);
+  let o = tile.m0 * rayO.x + tile.m1 * rayO.y + tile.m2 * rayO.z + tile.m3;
+  var d = tile.m0 * rayD.x + tile.m1 * rayD.y + tile.m2 * rayD.z;
+  d = select(d, select(vec3f(1e-20), vec3f(-1e-20), d < vec3f(0)), abs(d) < vec3f(1e-20));
+  let inv = 1.0 / d;
+  let ta = -o * inv;
+  let tb = (vec3f(f32(tile.width - 1), f32(tile.height - 1), tile.top + 1.0) - o) * inv;
+  let tIn = min(ta, tb);
+  let tOut = max(ta, tb);
+  let t0 = max(max(tIn.x, tIn.y), max(tIn.z, rayMin));
+  let t1 = min(min(tOut.x, tOut.y), min(tOut.z, found.t));
+  if (!(t0 <= t1)) { return; }
+  let alongU = abs(d.x) >= abs(d.y);
+  let toward = select(d.y, d.x, alongU);
+  let lines = select(tile.height, tile.width, alongU);
+  var g: GridRay;
+  g.oMajor = select(o.y, o.x, alongU);
+  g.dMajor = max(abs(toward), 1e-8 * abs(d.z)) * select(1.0, -1.0, toward < 0.0);
+  g.iMajor = 1.0 / g.dMajor;
+  g.oMinor = select(o.x, o.y, alongU);
+  g.dMinor = select(d.x, d.y, alongU);
+  g.ow = o.z;
+  g.dw = d.z;
+  g.lastLine = lines - 1;
+  g.lastRow = select(tile.width, tile.height, alongU) - 2;
+  g.sMajor = select(tile.width, 1, alongU);
+  g.sMinor = select(1, tile.width, alongU);
+  let stride = select(-1, 1, g.dMajor > 0.0);
+  let begin = g.oMajor + g.dMajor * t0;
+  var k = i32(clamp(select(ceil(begin + 1e-3), floor(begin - 1e-3), stride > 0), 0.0, f32(lines - 1)));
+  let graze = (0.05 / 8.0) * tile.limit;
+  let steepest = abs(g.dw * g.iMajor) + (2.0 / 8.0) * tile.limit;
+  var here = sampleLine(tile, g, k);
+  var hasBefore = false;
+  var before = 0.0;
+  for (var n = 0; n < 65536; n++) {
+    if (here.t >= t1 || k < 0 || k > g.lastLine) { return; }
+    steps++;
+    let there = sampleLine(tile, g, k + stride);
+    var fromT = here.t;
+    var fromD = here.D;
+    var toT = there.t;
+    var toD = there.D;
+    var from_ = here.solid;
+    var to = there.solid;
+    let grazed = from_ && to && hasBefore && n % 15 != 0 && abs(fromD) < graze && abs(fromD) <= abs(toD) &&
+                 abs(fromD) < abs(before);
+    if (from_ != to && abs(select(toD, fromD, from_)) <= steepest && here.row != there.row) {
+      let row = max(here.row, there.row);
+      let h0 = heightAt(tile, clamp(k, 0, g.lastLine) * g.sMajor + row * g.sMinor);
+      let h1 = heightAt(tile, clamp(k + stride, 0, g.lastLine) * g.sMajor + row * g.sMinor);
+      let t = (f32(row) - g.oMinor) / g.dMinor;
+      let along = abs(g.oMajor + g.dMajor * t - f32(k));
+      if (h0 > 0.0 && h1 > 0.0 && abs(h1 - h0) <= tile.limit) {
+        let D = g.ow + g.dw * t - (h0 + (h1 - h0) * along);
+        if (from_) {
+          toT = t;
+          toD = D;
+        } else {
+          fromT = t;
+          fromD = D;
+        }
+        from_ = true;
+        to = true;
+      }
+    }
+    let crossed = from_ && to && fromD * toD <= 0.0;
+    if (crossed || grazed) {
+      var hit = fromT;
+      if (crossed) {
+        let slope = (toD - fromD) / (toT - fromT);
+        let secant = fromT - fromD / slope;
+        let h = patchHeight(tile, o.xy + d.xy * secant);
+        let newton = secant - (o.z + d.z * secant - h) / slope;
+        hit = select(secant, newton, h >= 0.0 && newton >= fromT && newton <= toT);
+      }
+      let span = toT - fromT;
+      let p = rayO + rayD * hit;
+      if (hit >= rayMin && isNearer(hit, tile.leaf) && hit >= t0 - span && hit <= t1 + span &&
+          all(p >= tile.lo) && all(p <= tile.hi)) {
+        found = Found(hit, id | TILE, tile.leaf, vec2f(0));
+        return;
+      }
+    }
+    before = here.D;
+    hasBefore = here.solid;
+    here = there;
+    k += stride;
+  }
+}
+
+fn visitLeaf(link: u32) {
+  if ((link & TILE) != 0u) {
+    march(link & 0x3fffffffu);
+    return;
+  }
+  let first = link & 0x7ffffffu;
+  let end = first + ((link >> 27u) & 7u) + 1u;
+  for (var i = first; i < end; i++) {
+    steps++;
+    let prim = word4(u.prims, i);
+    if (u.hasDiscs != 0u) { intersectDisc(i, prim); } else { intersectTriangle(i, prim); }
+    if (anyHit && found.id != NONE) { return; }
+  }
+}
+
+fn isSwapped(up: u32) -> bool {
+  let axis = up & 3u;
+  return select(select(backwards.z, backwards.y, axis == 1u), backwards.x, axis == 0u);
+}
+
+// The three of trace.glsl; `traversal` is set when the pipeline is made.
+override traversal: u32 = 0u;
+
+fn traverseByLinks() {
+  var node = 0u;
+  var state = 0u;
+  loop {
+    let up = word4(u.nodes, 4u * node + 1u).w;
+    if (state < 2u) {
+      let side = select(0u, 1u, (state == 0u) == isSwapped(up));
+      let lo = word4(u.nodes, 4u * node + 2u * side);
+      let hi = float4(u.nodes, 4u * node + 2u * side + 1u);
+      state++;
+      steps++;
+      if (!entersBox(bitcast<vec3f>(lo.xyz), hi.xyz)) { continue; }
+      if ((lo.w & LEAF) == 0u) {
+        node = lo.w;
+        state = 0u;
+      } else {
+        visitLeaf(lo.w);
+        if (anyHit && found.id != NONE) { return; }
+      }
+      continue;
+    }
+    if (node == 0u) { return; }
+    node = up >> 3u;
+    let swapped = isSwapped(word4(u.nodes, 4u * node + 1u).w);
+    state = select(2u, 1u, ((up & 4u) != 0u) == swapped);
+  }
+}
+
+fn traverseByTrail(hasStack: bool) {
+  var trail = 0u;
+  var level = 0x80000000u;
+  var popLevel = 0u;
+  var current = 0u;
+  var stack: array<u32, STACK>;
+  var top = 0u;
+  var kept = 0u;
+  loop {
+    var pop = false;
+    if ((current & LEAF) == 0u) {
+      steps++;
+      let words0 = word4(u.nodes, 4u * current);
+      let words2 = word4(u.nodes, 4u * current + 2u);
+      let hit0 = entersBox(bitcast<vec3f>(words0.xyz), float4(u.nodes, 4u * current + 1u).xyz);
+      let enter0 = enter;
+      let hit1 = entersBox(bitcast<vec3f>(words2.xyz), float4(u.nodes, 4u * current + 3u).xyz);
+      if (hit0 || hit1) {
+        level >>= 1u;
+        let swapped = enter < enter0;
+        if (hit0 && hit1) {
+          let far = select(words2.w, words0.w, swapped);
+          if ((trail & level) != 0u) {
+            current = far;
+          } else {
+            current = select(words0.w, words2.w, swapped);
+            if (hasStack) {
+              stack[top % STACK] = far;
+              top++;
+              kept = min(kept + 1u, STACK);
+            }
+          }
+        } else if (level != popLevel) {
+          trail |= level;
+          current = select(words2.w, words0.w, hit0);
+        } else {
+          pop = true;
+        }
+      } else {
+        pop = true;
+      }
+    } else {
+      visitLeaf(current);
+      if (anyHit && found.id != NONE) { return; }
+      pop = true;
+    }
+    if (!pop) { continue; }
+    trail &= ~(level - 1u);
+    trail += level;
+    if ((trail & 0x80000000u) != 0u || trail == 0u) { return; }
+    level = trail & ~(trail - 1u);
+    popLevel = level;
+    if (kept > 0u) {
+      kept--;
+      top--;
+      current = stack[top % STACK];
+      continue;
+    }
+    current = 0u;
+    level = 0x80000000u;
+  }
+}
+
+fn castRay(o: vec3f, d: vec3f, tmin: f32, tmax: f32, any_: bool) {
+  anyHit = any_;
+  steps = 0u;
+  if (!prepare(o, d, tmin, tmax)) { return; }
+  if (traversal == 2u) { traverseByLinks(); } else { traverseByTrail(traversal == 0u); }
+}
+
+// --- the surface
+
+const CLAY = vec3f(0.50, 0.455, 0.41);
+struct Surface { geometric: vec3f, smooth_: vec3f, color: vec3f, uv: vec2f, values: vec4f }
+
+fn unpackNormal(code: u32) -> vec3f {
+  let p = (vec2f(f32(code & 65535u), f32(code >> 16u)) - 32768.0) / 32767.0;
+  let z = 1.0 - abs(p.x) - abs(p.y);
+  let folded = (1.0 - abs(p.yx)) * select(vec2f(1), vec2f(-1), p < vec2f(0));
+  return normalize(vec3f(select(p, folded, z < 0.0), z));
+}
+fn toLinear(c: vec3f) -> vec3f { return select(pow((c + 0.055) / 1.055, vec3f(2.4)), c / 12.92, c <= vec3f(0.04045)); }
+fn vertexColor(v: u32) -> vec3f {
+  let c = word4(u.vertices, 2u * v).w;
+  return toLinear(vec3f(f32(c & 255u), f32((c >> 8u) & 255u), f32((c >> 16u) & 255u)) / 255.0);
+}
+fn texelColor(at: u32) -> vec3f {
+  let c = half_(u.colors, at);
+  return toLinear(vec3f(f32(c >> 11u) / 31.0, f32((c >> 5u) & 63u) / 63.0, f32(c & 31u) / 31.0));
+}
+fn ramp(t: f32) -> vec3f {
+  var stops = array<vec3f, 5>(vec3f(0.267, 0.005, 0.329), vec3f(0.231, 0.322, 0.545), vec3f(0.129, 0.569, 0.549),
+                              vec3f(0.369, 0.788, 0.384), vec3f(0.993, 0.906, 0.144));
+  let at = clamp(t, 0.0, 1.0) * 4.0;
+  let i = min(u32(at), 3u);
+  return mix(stops[i], stops[i + 1u], at - f32(i));
+}
+
+fn layerAt(leaf: u32, p: vec3f) -> vec4f {
+  let rowU = float4(u.layerLeaves, 3u * leaf);
+  let rowV = float4(u.layerLeaves, 3u * leaf + 1u);
+  let of_ = word4(u.layerLeaves, 3u * leaf + 2u);
+  let own = vec2f(f32(of_.y & 65535u), f32(of_.y >> 16u)) - 1.0;
+  let tile = vec2f(f32(of_.z & 65535u), f32(of_.z >> 16u)) - 1.0;
+  let place = clamp(vec2f(dot(rowU.xyz, p) + rowU.w, dot(rowV.xyz, p) + rowV.w) * own / tile, vec2f(0), own);
+  let first = min(floor(place), own - 1.0);
+  let f = place - first;
+  var sum = vec4f(0);
+  for (var k = 0u; k < 4u; k++) {
+    let corner = vec2f(f32(k & 1u), f32(k >> 1u));
+    let w2 = mix(1.0 - f, f, corner);
+    let w = w2.x * w2.y;
+    let at = (of_.x + u32(first.y + corner.y) * (of_.y & 65535u) + u32(first.x + corner.x)) * u.layerChannels;
+    if (w <= 0.0 || half_(u.layerValues, at) == 0u) { continue; }
+    for (var c = 0u; c < min(u.layerChannels, 3u); c++) {
+      let code = f32(half_(u.layerValues, at + c));
+      sum[c] += w * select(code, (code - 1.0) / 65534.0, u.layerInRange != 0u);
+    }
+    sum.w += w;
+  }
+  if (sum.w > 0.0) { sum = vec4f(sum.xyz / sum.w, sum.w); }
+  return sum;
+}
+
+fn surfaceAt() -> Surface {
+  var s = Surface(vec3f(0), vec3f(0), CLAY, found.uv, vec4f(0));
+  var p = rayO + rayD * found.t;
+  var normal = vec3f(0);
+  var color = vec3f(0);
+  let hasColors = u.hasColors != 0u;
+  if ((found.id & TILE) != 0u) {
+    let tile = readTile(found.id & 0x3fffffffu);
+    let place = tile.m0 * p.x + tile.m1 * p.y + tile.m2 * p.z + tile.m3;
+    let most = vec2i(tile.width, tile.height) - 2;
+    var cell = clamp(vec2i(place.xy), vec2i(0), most);
+    var f = place.xy - vec2f(cell);
+    let at = cell.y * tile.width + cell.x;
+    let a = heightAt(tile, at);
+    let b = heightAt(tile, at + 1);
+    let c = heightAt(tile, at + tile.width);
+    let d = heightAt(tile, at + tile.width + 1);
+    let ab = a > 0.0 && b > 0.0;
+    let cd = c > 0.0 && d > 0.0;
+    let ac = a > 0.0 && c > 0.0;
+    let bd = b > 0.0 && d > 0.0;
+    let du = select(select(select(0.0, d - c, cd), b - a, ab), mix(b - a, d - c, f.y), ab && cd);
+    let dv = select(select(select(0.0, d - b, bd), c - a, ac), mix(c - a, d - b, f.x), ac && bd);
+    let rows = transpose(mat3x3f(tile.m0, tile.m1, tile.m2));
+    s.geometric = normalize(rows[2] - rows[0] * du - rows[1] * dv);
+    let size = vec2f(f32(tile.width - 1), f32(tile.height - 1));
+    s.uv = clamp(place.xy / size, vec2f(0), vec2f(1));
+    cell = min(vec2i(s.uv * size), most);
+    f = s.uv * size - vec2f(cell);
+    var weight = 0.0;
+    for (var k = 0; k < 4; k++) {
+      let corner = vec2i(k & 1, k >> 1u);
+      let w2 = mix(1.0 - f, f, vec2f(corner));
+      let w = w2.x * w2.y;
+      let i = (cell.y + corner.y) * tile.width + cell.x + corner.x;
+      if (w <= 0.0 || heightAt(tile, i) == 0.0) { continue; }
+      weight += w;
+      normal += w * unpackNormal(texels[u.normals + tile.offset + u32(i)]);
+      if (hasColors) { color += w * texelColor(tile.offset + u32(i)); }
+    }
+    if (hasColors && weight > 0.0) { s.color = color / weight; }
+  } else {
+    let prim = word4(u.prims, found.id);
+    let discs = u.hasDiscs != 0u;
+    let w = select(vec3f(1.0 - found.uv.x - found.uv.y, found.uv), vec3f(1, 0, 0), discs);
+    var corners: array<vec3f, 3>;
+    for (var k = 0; k < 3; k++) {
+      corners[k] = float4(u.vertices, 2u * prim[k]).xyz;
+      normal += w[k] * float4(u.vertices, 2u * prim[k] + 1u).xyz;
+      if (hasColors) { color += w[k] * vertexColor(prim[k]); }
+    }
+    let e = corners[1] - corners[0];
+    let g = corners[2] - corners[0];
+    let most = max(abs(e), abs(g));
+    let scale = 1.0 / max(max(most.x, max(most.y, most.z)), 1e-30);
+    s.geometric = select(normalize(cross(e * scale, g * scale)), normal, vec3<bool>(discs));
+    p = w.x * corners[0] + w.y * corners[1] + w.z * corners[2];
+    if (hasColors) { s.color = color; }
+  }
+  s.smooth_ = select(s.geometric, normalize(select(vec3f(1), normal, vec3<bool>(dot(normal, normal) > 1e-12))),
+                     vec3<bool>(dot(normal, normal) > 1e-12));
+  if (u.layerChannels > 0u) {
+    s.values = layerAt(found.leaf, p);
+    let share = clamp((s.values.xyz - u.layerRange.x) / max(u.layerRange.y - u.layerRange.x, 1e-30), vec3f(0), vec3f(1));
+    s.color = select(select(share, ramp(share.x), vec3<bool>(u.layerChannels < 3u)), CLAY, vec3<bool>(s.values.w == 0.0));
+  }
+  return s;
+}
+
+// --- the passes
+
+fn pixelDirection(pixel: vec2u) -> vec3f {
+  let p = vec2f(pixel) + u.camOffset;
+  return normalize(u.camCorner + u.camRight * p.x + u.camDown * p.y);
+}
+
+const BACK_TINT = vec3f(0.55, 0.60, 0.70);
+
+@compute @workgroup_size(8, 8) fn primary(@builtin(global_invocation_id) id: vec3u) {
+  let pixel = id.xy + vec2u(0, u.row);
+  if (any(pixel >= u.size)) { return; }
+  let at = 2u * (pixel.y * u.size.x + pixel.x);
+  let d = pixelDirection(pixel);
+  castRay(u.camPosition, d, 0.0, FAR, false);
+  surfaces[at] = vec4u(0);
+  surfaces[at + 1u] = vec4u(0, 0, 0, NONE);
+  if (found.id == NONE) { return; }
+  let s = surfaceAt();
+  let behind = dot(s.geometric, d) > 0.0;
+  var n = select(s.smooth_, -s.smooth_, vec3<bool>(behind));
+  let facing = -dot(n, d);
+  if (facing < 0.0) { n = normalize(n + d * facing); }
+  surfaces[at] = vec4u(bitcast<u32>(found.t), bitcast<vec3u>(n));
+  surfaces[at + 1u] = vec4u(bitcast<vec3u>(select(s.color, s.color * BACK_TINT, vec3<bool>(behind))), found.leaf);
+}
+
+fn hash(number: u32) -> u32 {
+  var n = (number ^ (number >> 16u)) * 0x7feb352du;
+  n = (n ^ (n >> 15u)) * 0x846ca68bu;
+  return n ^ (n >> 16u);
+}
+fn random(pixel: vec2u, salt: u32) -> vec2f {
+  let seed = hash(pixel.x + hash(pixel.y + hash(salt)));
+  return fract(vec2f(f32(seed & 65535u), f32(seed >> 16u)) / 65536.0 +
+               f32(u.sampleNumber) * vec2f(0.7548776662466927, 0.5698402909980532));
+}
+fn frame(n: vec3f) -> mat2x3f {
+  let s = select(1.0, -1.0, n.z < 0.0);
+  let a = -1.0 / (s + n.z);
+  let b = n.x * n.y * a;
+  return mat2x3f(vec3f(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3f(b, s + n.y * n.y * a, -n.y));
+}
+
+@compute @workgroup_size(8, 8) fn occlusion(@builtin(global_invocation_id) id: vec3u) {
+  let pixel = id.xy + vec2u(0, u.row);
+  if (any(pixel >= u.size)) { return; }
+  let at = pixel.y * u.size.x + pixel.x;
+  lights[at] = vec2f(1);
+  let g = surfaces[2u * at];
+  let t = bitcast<f32>(g.x);
+  if (t == 0.0) { return; }
+  let n = bitcast<vec3f>(g.yzw);
+  let p = u.camPosition + pixelDirection(pixel) * (t * (1.0 - 1e-5)) + n * u.lift;
+  var r = random(pixel, 1u);
+  var angle = 6.2831853 * r.x;
+  let toKey = normalize(u.keyDirection + frame(u.keyDirection) * (0.14 * sqrt(r.y) * vec2f(cos(angle), sin(angle))));
+  var key = 1.0;
+  if (dot(toKey, n) > 0.0) {
+    castRay(p, toKey, 0.0, FAR, true);
+    if (found.id != NONE) { key = 0.0; }
+  }
+  r = random(pixel, 2u);
+  angle = 6.2831853 * r.x;
+  let toSky = frame(n) * (sqrt(r.y) * vec2f(cos(angle), sin(angle))) + n * sqrt(max(0.0, 1.0 - r.y));
+  castRay(p, toSky, 0.0, u.skyDistance, true);
+  lights[at] = vec2f(key, select(1.0, 0.0, found.id != NONE));
+}
+
+fn halfInverse(p: vec2i) -> f32 {
+  let t = bitcast<f32>(surfaces[2u * (u32(p.y) * u.size.x + u32(p.x))].x);
+  return select(0.0, 0.5 / max(t, 1e-30), t > 0.0);
+}
+fn relief(p: vec2i, t: f32, radius: i32) -> f32 {
+  var directions = array<vec2i, 4>(vec2i(1, 0), vec2i(0, 1), vec2i(1, 1), vec2i(1, -1));
+  var sum = 0.0;
+  for (var k = 0; k < 4; k++) {
+    let a = p + radius * directions[k];
+    let b = p - radius * directions[k];
+    if (any(min(a, b) < vec2i(0)) || any(max(a, b) >= vec2i(u.size))) { continue; }
+    let ha = halfInverse(a);
+    let hb = halfInverse(b);
+    if (ha == 0.0 || hb == 0.0) { continue; }
+    sum += clamp((ha + hb - 1.0 / t) * t / (u.pixelAngle * f32(radius)), -1.0, 1.0);
+  }
+  return sum / 4.0;
+}
+
+const KEY = vec3f(0.92, 0.88, 0.82);
+const SKY = vec3f(0.34, 0.39, 0.47);
+const GROUND = vec3f(0.08, 0.07, 0.06);
+
+@compute @workgroup_size(8, 8) fn shade(@builtin(global_invocation_id) id: vec3u) {
+  if (any(id.xy >= u.size)) { return; }
+  let at = id.y * u.size.x + id.x;
+  let g = surfaces[2u * at];
+  let t = bitcast<f32>(g.x);
+  var sum = vec4f(0);
+  if (u.kept > 0.0) { sum = u.kept * sums[at]; }
+  if (t > 0.0) {
+    let n = bitcast<vec3f>(g.yzw);
+    let view = -pixelDirection(id.xy);
+    let albedo = bitcast<vec3f>(surfaces[2u * at + 1u].xyz);
+    let light = select(vec2f(1), lights[at], vec2<bool>(u.occluded != 0u));
+    let facing = clamp(dot(n, view), 0.0, 1.0);
+    let key = max(0.0, dot(n, u.keyDirection)) * light.x;
+    let sky = mix(GROUND, SKY, 0.5 + 0.5 * dot(n, u.skyUp)) * light.y;
+    let gloss = 0.06 * pow(max(0.0, dot(n, normalize(u.keyDirection + view))), 24.0) * light.x;
+    let away = 1.0 - facing;
+    var color = albedo * (KEY * key + sky + 0.10 * facing) + sky * (0.16 * away * away * away) + KEY * gloss;
+    let p = vec2i(id.xy);
+    let bend = clamp(relief(p, t, u.radii.x) + relief(p, t, u.radii.y) + relief(p, t, u.radii.z), -1.0, 1.0);
+    color *= select(1.0 - 0.25 * bend, 1.0 - 0.45 * bend, bend > 0.0);
+    sum += vec4f(clamp(color, vec3f(0), vec3f(1)), 1.0) * u.weight;
+  }
+  sums[at] = sum;
+}
+
+@compute @workgroup_size(64) fn castRays(@builtin(global_invocation_id) id: vec3u) {
+  let i = id.x;
+  if (i >= u.rayCount) { return; }
+  let o = rays[2u * i];
+  let d = rays[2u * i + 1u];
+  castRay(o.xyz, d.xyz, o.w, d.w, false);
+  hits[3u * i] = vec4u(0);
+  hits[3u * i + 1u] = vec4u(0, 0, NONE, steps << 8u);
+  hits[3u * i + 2u] = vec4u(0);
+  if (found.id == NONE) { return; }
+  let s = surfaceAt();
+  let flags = select(0u, 1u, dot(s.geometric, d.xyz) > 0.0) | select(2u, 0u, (found.id & TILE) != 0u);
+  hits[3u * i] = vec4u(bitcast<u32>(found.t), bitcast<vec3u>(s.geometric));
+  hits[3u * i + 1u] = vec4u(bitcast<vec2u>(s.uv), found.leaf, flags | (steps << 8u));
+  hits[3u * i + 2u] = bitcast<vec4u>(s.values);
+}
