@@ -1,5 +1,4 @@
 // rbvh bake: light on the surface, kept in a layer.
-#include <algorithm>
 #include <memory>
 
 #include "cli/asset_options.h"
@@ -9,7 +8,7 @@
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "io/rbvh_file.h"
-#include "pipeline/light/bake_layer.h"
+#include "rbvh/layers.h"
 
 namespace rbvh {
 namespace {
@@ -39,7 +38,7 @@ void run_bake(Context& context, BakeOptions& options) {
                 "--light: " + light.words.light + " goes with a camera, and a layer has none");
   if (light.words.light.empty()) light.words.light = "white";
   prepare_light(light, true, context.memory);
-  Asset pair = load(context, options.file);
+  const Asset pair = load(context, options.file);
   const std::vector<std::string> levels = levels_to_cast(context, pair, or_all(options.levels));
   time_phase(context, "load");
   const Device device = open_device(context);
@@ -53,13 +52,9 @@ void run_bake(Context& context, BakeOptions& options) {
   for (const auto& [name, baked] : kBaked)
     if (baked == options.baked) bake.name = name;
   const Environment environment = make_environment(light.words, {}, up);
-  for (Level& level : pair.rbvh()->levels) {
-    if (std::find(levels.begin(), levels.end(), level.name) == levels.end()) continue;
-    config.offset = path_offset(pair, level.name, level.name);
-    const auto tracer = make_tracer(device, pair, level.name, {});
-    const std::uint64_t lit = bake_layer(device, *tracer, level, bake, environment, config, options.file,
-                                         context.progress.callback());
-    context.report["levels"].push_back({{"name", level.name}, {"texels", lit}});
+  for (const auto& [level, lit] :
+       bake_pair(device, pair, bake, environment, config, levels, context.progress.callback())) {
+    context.report["levels"].push_back({{"name", level}, {"texels", lit}});
     texels += lit;
   }
   time_phase(context, "bake");

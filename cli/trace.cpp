@@ -76,7 +76,11 @@ void run_trace(Context& context, const TraceOptions& options) {
   const RayStream stream = {.columns = rays.columns(),
                             .rows = rays.rows(),
                             .read = [&](std::span<float> to) { return rays.read(to, shift); },
-                            .write = [&](std::span<const float> hits) { file.write(std::as_bytes(hits)); },
+                            .write =
+                                [&](std::span<const Hit> hits) {
+                                  const std::vector<float> rows = hit_rows(hits);
+                                  file.write(std::as_bytes(std::span(rows)));
+                                },
                             .stop = [&] { rays.stop(); }};
   const RayTableCounts counts = trace_stream(
       *tracer, stream, options.any ? RayQuery::kAny : RayQuery::kNearest, context.progress.callback());

@@ -9,39 +9,12 @@
 #include "io/output_file.h"
 #include "io/png.h"
 #include "pipeline/base/error.h"
-#include "pipeline/base/parallel_for.h"
-#include "pipeline/base/srgb.h"
+#include "rbvh/image_bytes.h"
 
 namespace rbvh {
 namespace {
 
-constexpr float kJpegBackground = 0.82f;  // linear: a light grey
 constexpr int kJpegQuality = 92;
-
-std::uint8_t to_byte(float shown) {
-  return static_cast<std::uint8_t>(std::clamp(shown, 0.f, 1.f) * 255 + 0.5f);
-}
-
-// What 8-bit formats get. Alpha is premultiplied in the picture; PNG wants it straight, JPEG has none.
-std::vector<std::uint8_t> to_bytes(const Image& image, std::size_t channels) {
-  const std::size_t from = image.channels.size(), pixels = std::size_t{image.width} * image.height;
-  const bool has_alpha = from == 4, is_color = image.kind == Image::Kind::kColor;
-  std::vector<std::uint8_t> bytes(pixels * channels);
-  parallel_for(pixels, 1 << 14, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const float* in = &image.pixels[i * from];
-      const float alpha = has_alpha ? in[3] : 1;
-      for (std::size_t c = 0; c < std::min<std::size_t>(channels, 3); ++c) {
-        float value = in[std::min(c, from - 1)];
-        if (has_alpha && channels == 4) value = alpha > 0 ? value / alpha : 0;
-        if (has_alpha && channels == 3) value += (1 - alpha) * kJpegBackground;
-        bytes[i * channels + c] = to_byte(is_color ? linear_to_srgb(value) : value);
-      }
-      if (channels == 4) bytes[i * channels + 3] = to_byte(alpha);
-    }
-  });
-  return bytes;
-}
 
 bool is_stream(const std::string& path) {
   if (path == "-") return true;
@@ -70,7 +43,7 @@ ImageFormat image_format(const std::string& path, Image::Kind kind) {
 
 std::vector<std::byte> encode_image_png(const Image& image) {
   const std::size_t channels = image.channels.size();
-  return encode_png(image.width, image.height, channels, to_bytes(image, channels),
+  return encode_png(image.width, image.height, channels, image_bytes(image, channels),
                     image.kind == Image::Kind::kColor);
 }
 
@@ -98,7 +71,7 @@ void write_image(const std::string& path, const Image& image, bool overwrite) {
     if (spec.channels == 4) spec.channels = 3;
     if (is_color) spec.attributes.push_back({"oiio:ColorSpace", "sRGB"});
     spec.attributes.push_back({"CompressionQuality", kJpegQuality});
-    bytes = encode_image("jpeg", spec, to_bytes(image, spec.channels).data(), path);
+    bytes = encode_image("jpeg", spec, image_bytes(image, spec.channels).data(), path);
   }
   file.write(std::as_bytes(std::span(bytes)));
   file.commit();

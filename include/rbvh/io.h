@@ -13,9 +13,9 @@
 #pragma GCC visibility push(default)
 namespace rbvh {
 
-/// Reads a scan of any format (PLY, OBJ, STL, OFF, PCD, XYZ; "-": standard input), as it is: nothing is
-/// cleaned, and a cloud gets the normals and radii that it lacks. Coordinates too large for float are
-/// shifted; see Scan::shift. The file may be hostile. Throws Error(kInput), Error(kBudget).
+/// Reads a scan of any format (PLY, OBJ, STL, OFF, PCD, PTX, LAS, XYZ; "-": standard input), as it is:
+/// nothing is cleaned, and a cloud gets the normals and radii that it lacks. Coordinates too large for float
+/// are shifted; see Scan::shift. The file may be hostile. Throws Error(kInput), Error(kBudget).
 Scan load_scan(const std::string& path, const MemoryBudget& memory = {}, const Progress& progress = {});
 
 /// Binary little-endian PLY ("-": standard output). Throws Error(kFailure), also where the file is there and

@@ -4,6 +4,7 @@
 #include <array>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "rbvh/asset.h"
 
@@ -21,6 +22,10 @@ struct PlacedAsset {
 /// assets through, in their order. Throws Error(kUsage) for a level that is not there or a map that is not
 /// invertible.
 Asset make_scene(std::span<const PlacedAsset> placed, bool z_is_up = false);
+
+/// Of a scene: where the leaves of each placed asset start among Hit.leaf, and their number at the end. Of
+/// any other asset: only 0.
+std::vector<std::uint32_t> first_leaves(const Asset& asset);
 
 }  // namespace rbvh
 #pragma GCC visibility pop

@@ -5,23 +5,10 @@
 #include <string>
 
 #include "pipeline/rbvh/rbvh.h"
+#include "rbvh/layers.h"
 #include "rbvh/light.h"
 
 namespace rbvh {
-
-/// What of light a layer keeps.
-enum class BakedLight {
-  kOcclusion,   ///< the part of the sky that is seen: one channel
-  kSky,         ///< what a white matte surface throws back of the light that comes directly: R, G, B
-  kIrradiance,  ///< and of the light that other parts of the surface throw at it
-};
-
-struct BakeLayer {
-  std::string name{};  ///< of the layer, a user's own; one of that name is replaced
-  BakedLight light = BakedLight::kOcclusion;
-  double scale = 1;    ///< make_layer()'s
-  float distance = 0;  ///< of kOcclusion: what lies farther is not seen; 0: all is
-};
 
 /// Bakes the front of every texel that lies on the level's surface, by config.samples rays or paths each,
 /// cast at `tracer`. Returns the number of texels. `file` is for messages.

@@ -10,6 +10,7 @@
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/thin.h"
 #include "pipeline/scan/vertex_normals.h"
+#include "rbvh/complete_scan.h"
 
 namespace rbvh {
 namespace {
@@ -58,6 +59,17 @@ void check_usable(const Scan& scan, const std::string& file) {
   if (box.empty()) throw Error(ErrorKind::kInput, file, "has no point with finite coordinates");
   if (!(box.diagonal() > 0))  // also where it is too small for float
     throw Error(ErrorKind::kInput, file, "all points are equal: there is no surface");
+}
+
+void complete_scan(Scan& scan, const Progress& progress) {
+  check_usable(scan, "");
+  for (std::size_t i = 0; i < scan.triangles.size(); ++i)
+    for (const std::uint32_t corner : scan.triangles[i])
+      if (corner >= scan.positions.size())
+        throw Error(ErrorKind::kInput, "", FilePlace{"triangle", i},
+                    "has the corner " + std::to_string(corner) + "; there are " +
+                        std::to_string(scan.positions.size()) + " vertices");
+  if (scan.is_cloud()) complete_cloud(scan, {}, progress);
 }
 
 Scan ingest(RawScan&& raw, const std::string& file, const IngestConfig& config, IngestReport& counts,

@@ -33,6 +33,11 @@ SceneObject object_of(const PlacedAsset& placed) {
 
 }  // namespace
 
+std::vector<std::uint32_t> first_leaves(const Asset& asset) {
+  if (const Scene* scene = asset.scene()) return first_leaves(*scene);
+  return {0};
+}
+
 Asset make_scene(std::span<const PlacedAsset> placed, bool z_is_up) {
   Scene scene;
   scene.z_is_up = z_is_up;

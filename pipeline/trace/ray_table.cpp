@@ -8,6 +8,7 @@
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/device/device.h"
 #include "rbvh/geometry.h"
+#include "rbvh/ray_rows.h"
 
 namespace rbvh {
 namespace {
@@ -45,14 +46,12 @@ ScaledRay scale_ray(const float* row, std::size_t columns) {
   return p;
 }
 
-void store(const Hit& hit, const ScaledRay& ray, float* row) {
-  const bool found = ray.usable && std::isfinite(hit.t);
-  row[0] = found ? hit.t * ray.scale : std::numeric_limits<float>::infinity();
-  for (int axis = 0; axis < 3; ++axis) row[1 + axis] = found ? hit.normal[axis] : 0;
-  row[4] = found ? hit.u : 0;
-  row[5] = found ? hit.v : 0;
-  row[6] = found ? static_cast<float>(hit.leaf) : -1;
-  row[7] = found ? static_cast<float>(hit.flags & RBVH_HIT_FLAGS) : 0;
+/// The hit of the ray as the user has it.
+void unscale(const ScaledRay& ray, Hit& hit) {
+  if (ray.usable && std::isfinite(hit.t))
+    hit.t *= ray.scale;
+  else
+    hit = {std::numeric_limits<float>::infinity(), {0, 0, 0}, 0, 0, RBVH_NO_LEAF, 0};
 }
 
 /// Some rays on their way through.
@@ -80,13 +79,12 @@ void read_piece(const RayStream& stream, Piece& piece, RayTableCounts& counts) {
   }
 }
 
-void write_piece(const RayStream& stream, const Piece& piece, RayTableCounts& counts) {
-  std::vector<float> table(piece.count * kHitColumns);
+void write_piece(const RayStream& stream, Piece& piece, RayTableCounts& counts) {
   for (std::size_t i = 0; i < piece.count; ++i) {
-    store(piece.hits[i], piece.scaled[i], &table[i * kHitColumns]);
-    counts.hits += table[i * kHitColumns + 6] >= 0;
+    unscale(piece.scaled[i], piece.hits[i]);
+    counts.hits += piece.hits[i].leaf != RBVH_NO_LEAF;
   }
-  stream.write(table);
+  stream.write(piece.hits);
 }
 
 /// Of what has been read to its end there is nothing to stop.
@@ -145,6 +143,58 @@ RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQu
   }
   if (writing.valid()) writing.get();
   return counts;
+}
+
+std::vector<float> hit_rows(std::span<const Hit> hits) {
+  std::vector<float> rows(hits.size() * kHitColumns);
+  float* row = rows.data();
+  for (const Hit& hit : hits) {
+    const bool found = hit.leaf != RBVH_NO_LEAF;
+    const float values[kHitColumns] = {hit.t,
+                                       hit.normal[0],
+                                       hit.normal[1],
+                                       hit.normal[2],
+                                       hit.u,
+                                       hit.v,
+                                       found ? static_cast<float>(hit.leaf) : -1,
+                                       static_cast<float>(hit.flags & RBVH_HIT_FLAGS)};
+    row = std::copy_n(values, kHitColumns, row);
+  }
+  return rows;
+}
+
+std::uint64_t cast_rows(const Tracer& tracer, const RayRows& rays, RayQuery query,
+                        const std::function<void(std::size_t first, std::span<const Hit>)>& write,
+                        const Progress& progress) {
+  std::size_t taken = 0, written = 0;
+  const auto narrow = [&]<class T>(const T* from, std::span<float> to) {
+    for (std::size_t i = 0; i < to.size(); i += rays.columns)
+      for (std::size_t c = 0; c < rays.columns; ++c) {
+        const T value = from[i + c];
+        to[i + c] = static_cast<float>(c < 3 ? static_cast<double>(value) - rays.shift[static_cast<int>(c)]
+                                             : static_cast<double>(value));
+      }
+  };
+  RayStream stream;
+  stream.columns = rays.columns;
+  stream.rows = rays.rows;
+  stream.read = [&](std::span<float> to) {
+    const std::size_t rows = std::min(to.size() / rays.columns, rays.rows - taken);
+    const std::size_t at = taken * rays.columns, count = rows * rays.columns;
+    if (rays.is_double)
+      narrow(static_cast<const double*>(rays.data) + at, to.first(count));
+    else if (rays.shift != Vec3d{})
+      narrow(static_cast<const float*>(rays.data) + at, to.first(count));
+    else
+      std::copy_n(static_cast<const float*>(rays.data) + at, count, to.begin());
+    taken += rows;
+    return rows;
+  };
+  stream.write = [&](std::span<const Hit> hits) {
+    write(written, hits);
+    written += hits.size();
+  };
+  return trace_stream(tracer, stream, query, progress).unusable;
 }
 
 }  // namespace rbvh

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <vector>
 
 #include "rbvh/progress.h"
 #include "rbvh/tracer.h"
@@ -18,7 +19,7 @@ struct RayStream {
   std::size_t columns = 6;                            ///< of a ray, 6 or 8: origin, direction, [tmin, tmax]
   std::uint64_t rows = 0;                             ///< in all, for the progress
   std::function<std::size_t(std::span<float>)> read;  ///< the next rows; how many, 0 at the end
-  std::function<void(std::span<const float>)> write;  ///< kHitColumns for each of them, in their order
+  std::function<void(std::span<const Hit>)> write;    ///< of each of them, in their order
   std::function<void()> stop = {};                    ///< called where all ends early: `read` waits no longer
 };
 
@@ -32,8 +33,11 @@ struct RayTableCounts {
 std::uint64_t ray_stream_bytes(std::uint64_t rays);
 
 /// Casts rays while the next are read and the last ones' hits written. t is in units of the direction's
-/// length; a miss has t = +infinity, leaf -1 and else zeros. Values may be hostile.
+/// length; a miss has t = +infinity, RBVH_NO_LEAF and else zeros. Values may be hostile.
 RayTableCounts trace_stream(const Tracer& tracer, const RayStream& stream, RayQuery query,
                             const Progress& progress = {});
+
+/// kHitColumns for each hit: of a miss the leaf is -1.
+std::vector<float> hit_rows(std::span<const Hit> hits);
 
 }  // namespace rbvh
