@@ -11,8 +11,10 @@
 #include "io/report_text.h"
 #include "io/scan_io.h"
 #include "io/text_columns.h"
+#include "pipeline/base/text.h"
 #include "pipeline/base/units.h"
 #include "pipeline/scan/ingest_words.h"
+#include "pipeline/scan/keep_classes.h"
 
 namespace rbvh {
 namespace {
@@ -23,6 +25,7 @@ struct IngestOptions {
   std::vector<std::string> inputs;
   std::string units;  // empty: as the inputs state them
   TextColumns columns;
+  std::vector<std::uint8_t> classes;  // none: all
   IngestConfig config;
   std::vector<const CLI::Option*> of_clouds;  // that meshes have no use for, beside what ingest() refuses
 };
@@ -73,6 +76,7 @@ void run_ingest(Context& context, const IngestOptions& options) {
   time_phase(context, "read");
   const std::string name = options.inputs.size() == 1 ? options.inputs[0] : "the inputs";
   state_units(all, name, options.units);
+  const std::size_t others = options.classes.empty() ? 0 : keep_classes(all, options.classes, name);
   IngestReport counts;
   const Scan scan = ingest(std::move(all), name, options.config, counts, context.progress.callback());
   time_phase(context, "clean");
@@ -81,6 +85,8 @@ void run_ingest(Context& context, const IngestOptions& options) {
   context.progress.finish();
   time_phase(context, "write");
   context.report.update(ingest_json(counts, scan, options.inputs));
+  context.report["removed"]["other_classes"] = others;
+  if (others > 0) note(context, "left out: " + counted(others, "point") + " of other classes");
   for (const std::string& line : ingest_lines(context.output, counts, scan)) note(context, line);
 }
 
@@ -91,7 +97,7 @@ void add_ingest(CLI::App& app, Context& context) {
   IngestConfig& config = options->config;
   CLI::App* stage =
       add_stage(app, context,
-                {"ingest", "Read, merge and clean scans (PLY OBJ STL OFF PCD PTX XYZ) into one PLY",
+                {"ingest", "Read, merge and clean scans (PLY OBJ STL OFF PCD PTX LAS glTF XYZ) into one PLY",
                  "rbvh ingest scan1.pcd scan2.pcd -o scan.ply"},
                 kWithOutput | kWithReport, [&context, options] { run_ingest(context, *options); });
   stage->add_option("IN", options->inputs, "scans; each becomes an object id; '-' is standard input")
@@ -101,6 +107,10 @@ void add_ingest(CLI::App& app, Context& context) {
              "(default: none)");
   add_parsed(*stage, "--voxel", config.voxel, parse_above_zero, "SIZE",
              "thin a cloud to one point a cube of this side, in scan units (default: off)");
+  options->of_clouds.push_back(add_parsed(
+      *stage, "--class", options->classes, parse_classes, "2,6",
+      "keep the points of these classes only: 2 is ground, 6 buildings (LAS and other clouds with a "
+      "property 'classification'; default: all)"));
   add_parsed(*stage, "--min-component", config.min_component, parse_fraction, "FRACTION",
              "remove connected parts with less than this fraction of all faces or points (default: 0)");
   options->of_clouds.push_back(

@@ -6,7 +6,9 @@
 #include <limits>
 #include <utility>
 
+#include "io/gltf.h"
 #include "io/input_file.h"
+#include "io/las.h"
 #include "io/obj.h"
 #include "io/off.h"
 #include "io/pcd.h"
@@ -32,7 +34,6 @@ struct Foreign {
 };
 constexpr Foreign kForeign[] = {
     {"RBVH", "is an .rbvh pair, and a scan is wanted here; name the scan that it was built of", 4},
-    {"LASF", "is a LAS or LAZ file, which is not supported yet; convert it to PLY or PCD"},
     {"\x1f\x8b", "is compressed by gzip; unpack it first"},
     {"BZh", "is compressed by bzip2; unpack it first"},
     {"\xfd"
@@ -40,7 +41,6 @@ constexpr Foreign kForeign[] = {
      "is compressed by xz; unpack it first"},
     {"\x28\xb5\x2f\xfd", "is compressed by zstd; unpack it first"},
     {"PK\x03\x04", "is a zip archive (or 3MF); unpack or convert it first"},
-    {"glTF", "is a binary glTF file, which is not supported; convert it to PLY"},
     {"ASTM-E57", "is an E57 file, which is not supported; convert it to PLY"},
     {"Kaydara FBX", "is an FBX file, which is not supported; convert it to PLY"},
 };
@@ -51,6 +51,8 @@ Reader reader_by_content(std::string_view bytes) {
   if (is_stl(bytes)) return read_stl;
   if (is_off(bytes)) return read_off;
   if (is_ptx(bytes)) return read_ptx;
+  if (is_las(bytes)) return read_las;
+  if (is_gltf(bytes)) return read_gltf;
   return nullptr;
 }
 
@@ -64,6 +66,8 @@ Reader reader_by_extension(const std::string& path) {
   if (extension == ".off") return read_off;
   if (extension == ".pcd") return read_pcd;
   if (extension == ".ptx") return read_ptx;
+  if (extension == ".glb" || extension == ".gltf") return read_gltf;
+  if (extension == ".las" || extension == ".laz") return read_las;
   for (const char* text : {".xyz", ".txt", ".csv", ".asc", ".pts", ".xyzn", ".xyzrgb", ".tsv", ".neu"})
     if (extension == text) return read_xyz;
   return nullptr;
@@ -126,7 +130,7 @@ RawScan parse_scan(std::string_view bytes, const std::string& path, const TextCo
   if (!reader)
     throw Error(ErrorKind::kInput, name,
                 "is of no known format (neither its first bytes nor its extension say PLY, OBJ, STL, OFF, "
-                "PCD, PTX or XYZ)");
+                "PCD, PTX, LAS, glTF or XYZ)");
   if (!columns.empty() && reader != read_xyz)
     throw Error(ErrorKind::kUsage, name, "is no text cloud; columns can be named of those only");
   RawScan scan = reader == read_xyz ? read_xyz_columns(bytes, name, columns) : reader(bytes, name);

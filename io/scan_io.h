@@ -1,5 +1,5 @@
-// Reading and writing scans: one file pair per format (ply, obj, stl, off, pcd, ptx, xyz), chosen by content,
-// then by extension.
+// Reading and writing scans: one file pair per format (ply, obj, stl, off, pcd, ptx, las, gltf, xyz), chosen
+// by content, then by extension.
 #pragma once
 
 #include <functional>

@@ -13,4 +13,14 @@ Outliers parse_outliers(std::string_view text) {
   return outliers;
 }
 
+std::vector<std::uint8_t> parse_classes(std::string_view text) {
+  std::vector<std::uint8_t> classes;
+  for (const std::string& word : parse_list(text)) {
+    const std::int64_t number = parse_integer(word);
+    if (number < 0 || number > 255) throw Error(ErrorKind::kUsage, "", "'" + word + "' is not 0 to 255");
+    classes.push_back(static_cast<std::uint8_t>(number));
+  }
+  return classes;
+}
+
 }  // namespace rbvh

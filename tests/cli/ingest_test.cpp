@@ -43,7 +43,8 @@ TEST_F(Ingest, EveryFormatGivesTheSameMesh) {
         "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
   ingested("a.obj");
   const std::string expected = read("out.ply");
-  for (const char* name : {"a.off", "a.stl", "'a b.ply'", "out.ply"}) {
+  write("again.ply", expected);
+  for (const char* name : {"a.off", "a.stl", "'a b.ply'", "again.ply"}) {
     ingested(name);
     EXPECT_EQ(read("out.ply"), expected) << name;
   }
@@ -103,6 +104,30 @@ TEST_F(Ingest, Voxel) {
   write("a.xyz", grid(20, 0));
   EXPECT_EQ(ingested("a.xyz --voxel 2").positions.size(), 100u);
   EXPECT_EQ(tool("ingest a.xyz -o b.ply --voxel 0").code, 2);
+}
+
+TEST_F(Ingest, Class) {
+  std::string points = "x y z classification\n";
+  for (int i = 0; i < 100; ++i)
+    points += std::to_string(i % 10) + " " + std::to_string(i / 10) + " 0 " +
+              std::to_string(i < 60   ? 2
+                             : i < 90 ? 6
+                                      : 7) +
+              "\n";
+  write("a.xyz", points);
+  const Json report = reported("a.xyz --class 2,7");
+  EXPECT_EQ(report["vertices_out"], 70);
+  EXPECT_EQ(report["removed"]["other_classes"], 30);
+  EXPECT_EQ(ingested("a.xyz --class 6").properties.at(0).values, std::vector<float>(30, 6));
+  EXPECT_NE(tool("ingest a.xyz -o b.ply --class 6").err.find("left out: 70 points of other classes"),
+            std::string::npos);
+  write("plain.xyz", grid(10, 0));
+  write("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  EXPECT_EQ(tool("ingest a.xyz -o c.ply --class 9").code, 3);
+  EXPECT_EQ(tool("ingest plain.xyz -o c.ply --class 2").code, 2);
+  EXPECT_EQ(tool("ingest mesh.obj -o c.ply --class 2").code, 2);
+  for (const char* wrong : {"256", "-1", "2,", "ground", "2.5"})
+    EXPECT_EQ(tool(std::string("ingest a.xyz -o c.ply --class ") + wrong).code, 2) << wrong;
 }
 
 TEST_F(Ingest, MinComponent) {

@@ -7,6 +7,8 @@
 #include <iterator>
 #include <random>
 
+#include "io/gltf.h"
+#include "io/las.h"
 #include "io/obj.h"
 #include "io/off.h"
 #include "io/pcd.h"
@@ -46,6 +48,8 @@ void feed_all_readers(const std::string& bytes) {
   check_reader(read_off, "a.off", data, bytes.size());
   check_reader(read_pcd, "a.pcd", data, bytes.size());
   check_reader(read_ptx, "a.ptx", data, bytes.size());
+  check_reader(read_las, "a.las", data, bytes.size());
+  check_reader(read_gltf, "a.glb", data, bytes.size(), 1 << 20);
   check_reader(read_xyz, "a.xyz", data, bytes.size());
 }
 

@@ -101,11 +101,20 @@ TEST_F(RealScans, BunnyIsOpenAtTheBottom) {
   EXPECT_EQ(counts_.cleaned.unreferenced_vertices, 1113u);
 }
 
-TEST_F(RealScans, LasIsRefused) {
-  const char* folder = std::getenv("RBVH_SCANS");
-  const std::string path = folder ? std::string(folder) + "/lidar_color.las" : "";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "lidar_color.las is not there; set RBVH_SCANS";
-  EXPECT_THROW(read_scan(path), Error);
+TEST_F(RealScans, LidarWithColours) {
+  LOAD_OR_SKIP("lidar_color.las");
+  ASSERT_EQ(raw.positions.size(), 1065u);
+  Bounds3d box;
+  for (const Vec3d& p : raw.positions) box.add(p);
+  // As its header says.
+  EXPECT_NEAR(length(box.lo - Vec3d{635619.85, 848899.70, 406.59}), 0, 1e-6);
+  EXPECT_NEAR(length(box.hi - Vec3d{638982.55, 853535.43, 586.38}), 0, 1e-6);
+  EXPECT_EQ(raw.colors[0], (Color8{68, 77, 88}));
+  EXPECT_EQ(raw.properties[0].values[0], 143);
+  EXPECT_EQ(raw.properties[1].values[0], 1);
+  const Scan scan = ingested(std::move(raw));
+  EXPECT_EQ(scan.positions.size(), 1065u);
+  EXPECT_EQ(scan.colors.size(), 1065u);
 }
 
 }  // namespace

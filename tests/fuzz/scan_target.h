@@ -26,17 +26,20 @@ inline bool is_consistent(const ScanAttributes& scan, std::size_t vertices) {
 }
 
 /// Memory is bounded by the input: the densest are compressed PCD, up to 88 one-byte values from a byte, and
-/// lists of indices, a byte each.
-inline bool is_bounded(const ScanAttributes& scan, std::size_t vertices, std::size_t bytes) {
-  return vertices <= 88 * bytes && scan.triangles.size() <= bytes && scan.properties.size() <= bytes;
+/// lists of indices, a byte each. `more`: what instances may come to whatever the bytes.
+inline bool is_bounded(const ScanAttributes& scan, std::size_t vertices, std::size_t bytes,
+                       std::size_t more) {
+  return vertices <= 88 * bytes + more && scan.triangles.size() <= bytes + more &&
+         scan.properties.size() <= bytes;
 }
 
 template <class Read>
-int check_reader(Read read, const char* name, const std::uint8_t* data, std::size_t size) {
+int check_reader(Read read, const char* name, const std::uint8_t* data, std::size_t size,
+                 std::size_t more = 0) {
   try {
     const RawScan scan = read(std::string_view(reinterpret_cast<const char*>(data), size), std::string(name));
     const std::size_t vertices = scan.positions.size();
-    if (!is_consistent(scan, vertices) || !is_bounded(scan, vertices, size)) std::abort();
+    if (!is_consistent(scan, vertices) || !is_bounded(scan, vertices, size, more)) std::abort();
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kInput) std::abort();
     if (std::string_view(error.what()).find('\n') != std::string_view::npos) std::abort();

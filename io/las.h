@@ -1,0 +1,20 @@
+// LAS 1.0 to 1.4, the format of airborne lidar. LAZ and COPC, which are compressed, are refused.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+/// Begins with LAS's own word; LAZ does, too.
+bool is_las(std::string_view bytes);
+
+/// A cloud of the point formats 0 to 10, with the properties `intensity` (0 to 65535) and `classification` (0
+/// to 255). Points marked as withheld are left out, which is noted. Colours are 16-bit words, unless none
+/// is above 255: then they are taken for bytes, which is noted, too. Throws Error(kInput) with the byte, also
+/// for coordinates in degrees.
+RawScan read_las(std::string_view bytes, const std::string& file);
+
+}  // namespace rbvh
