@@ -23,6 +23,7 @@ struct BakeOptions {
   int samples = 64;
   double scale = 1;
   LightOptions light;
+  const CLI::App* stage = nullptr;
 };
 
 int parse_rays(std::string_view text) { return parse_integer_between(text, 1, 1 << 20); }
@@ -33,11 +34,17 @@ void run_bake(Context& context, BakeOptions& options) {
   check_pair_output(context);
   check_is_pair(options.file);
   LightOptions& light = options.light;
+  if (options.baked == BakedLight::kOcclusion)
+    refuse_for_occlusion(*options.stage);
+  else
+    refuse_options({options.stage->get_option("--ao-distance")}, "", "is for --layer ao");
+  if (options.baked == BakedLight::kSky)
+    refuse_options({options.stage->get_option("--bounces")}, "", "has no use for sky, which is direct light");
   if (light.words.light == "studio" || light.words.light == "headlight")
     throw Error(ErrorKind::kUsage, "",
                 "--light: " + light.words.light + " goes with a camera, and a layer has none");
   if (light.words.light.empty()) light.words.light = "white";
-  prepare_light(light, true, context.memory);
+  prepare_light(context, light, true);
   const Asset pair = load(context, options.file);
   const std::vector<std::string> levels = levels_to_cast(context, pair, or_all(options.levels));
   time_phase(context, "load");
@@ -73,6 +80,7 @@ void add_bake(CLI::App& app, Context& context) {
       {"bake", "Keep light in a layer of a pair",
        "rbvh bake dragon.rbvh --layer irradiance --light sky --samples 256 -o lit.rbvh"},
       kWithOutput | kWithDevice | kWithReport, [&context, options] { run_bake(context, *options); });
+  options->stage = stage;
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(*stage, "--layer", options->baked, parse_choice<kBaked>, "LAYER",
              "ao (the part of the sky that is seen), sky (direct light) or irradiance (all)")

@@ -41,21 +41,36 @@ void add_light_options(CLI::App& stage, LightOptions& options) {
       stage.add_flag("--denoise", options.paths.denoise, "filters what noise is left, along the surfaces"));
   stage.add_flag("--linear", options.linear, "light as it is, without the filmic curve (as in .exr)")
       ->group(kGroup);
+  stage.add_flag("--quick", options.quick, "without shadows and occlusion: several times as fast")
+      ->group(kGroup)
+      ->excludes("--light");
   add_parsed(stage, "--cached", options.cached, parse_name, "LAYER",
              "lights a pair by a layer that rbvh bake made, in place of paths")
       ->group(kGroup)
-      ->excludes("--light");
+      ->excludes("--light")
+      ->excludes("--quick");
 }
 
-void prepare_light(LightOptions& options, bool has_aov, const MemoryBudget& memory) {
-  if (!options.words.light.empty()) return read_light(options.words, memory);
+void refuse_for_occlusion(const CLI::App& stage) {
+  for (const char* name : {"--light", "--sun-direction", "--material", "--ground", "--bounces", "--time",
+                           "--denoise", "--linear"})
+    if (const CLI::Option* option = stage.get_option_no_throw(name))
+      refuse_options({option}, "", "has no use for ao, which is no light");
+}
+
+void prepare_light(Context& context, LightOptions& options, bool has_aov) {
+  if (!options.words.light.empty()) {
+    const std::string note = read_light(options.words, context.memory);
+    if (!note.empty()) warn(context, note);
+    return;
+  }
   if (has_aov) {
     options.words.light = "studio";
     return;
   }
   refuse_options(options.declared, "", "is for pictures with --light");
-  if (options.linear && options.cached.empty())
-    throw Error(ErrorKind::kUsage, "", "--linear is for pictures with --light or --cached");
+  if (options.linear && options.quick)
+    throw Error(ErrorKind::kUsage, "", "--linear is not for --quick, which has no filmic curve");
 }
 
 }  // namespace rbvh

@@ -19,8 +19,11 @@ void add_light_options(CLI::App& stage, LightOptions& options);
 /// Those that have a use without a camera.
 void add_baked_light_options(CLI::App& stage, LightOptions& options);
 
+/// Throws Error(kUsage) where an option is given that ambient occlusion has no use for.
+void refuse_for_occlusion(const CLI::App& stage);
+
 /// Throws Error(kUsage) where one of them is given and neither --light nor an AOV of light is; reads the file
-/// that --light names, within `memory`.
-void prepare_light(LightOptions& options, bool has_aov, const MemoryBudget& memory);
+/// that --light names, and says what of it cannot be kept.
+void prepare_light(Context& context, LightOptions& options, bool has_aov);
 
 }  // namespace rbvh

@@ -7,19 +7,21 @@
 #include "cli/camera_options.h"
 #include "cli/common.h"
 #include "cli/exact_options.h"
-#include "cli/layer_options.h"
 #include "cli/light_options.h"
+#include "cli/look_options.h"
 #include "cli/stages.h"
 #include "io/cameras_file.h"
-#include "io/image.h"
+#include "io/draw_text.h"
 #include "io/name_template.h"
 #include "io/output_file.h"
+#include "io/picture_sink.h"
 #include "pipeline/device/open_meanwhile.h"
 #include "pipeline/light/light_words.h"
 #include "pipeline/light/picture.h"
 #include "pipeline/measure/difference.h"
+#include "pipeline/render/edges.h"
 #include "pipeline/render/pixels.h"
-#include "pipeline/render/shade.h"
+#include "pipeline/trace/trace_fronts.h"
 #include "rbvh/render.h"
 
 namespace rbvh {
@@ -31,11 +33,12 @@ struct RenderOptions {
   ExactOptions exact;
   std::vector<ExactTraversal> compared;  // none, or two tracers
   Aov aov = Aov::kShaded;
-  std::string color_layer;  // empty: the surface's own colours
-  int samples = 0;          // 0: the AOV's default
+  int samples = 0;  // 0: the AOV's default
+  Look look;
   ProxyCastOptions proxies;
   bool shifted = false;
   LightOptions light;
+  const CLI::App* stage = nullptr;
 };
 
 int parse_samples(std::string_view text) { return parse_integer_between(text, 1, 1 << 20); }
@@ -47,10 +50,10 @@ Image::Kind kind_of(Aov aov) {
 
 // Options that the pictures asked for have no use for.
 void check_use(const RenderOptions& options) {
-  if (!options.light.cached.empty() && (options.aov != Aov::kShaded || !options.color_layer.empty()))
+  if (!options.light.cached.empty() && (options.aov != Aov::kShaded || !options.look.colored.name.empty()))
     throw Error(ErrorKind::kUsage, "", "--cached is for shaded pictures in their own colours");
   if (options.aov != Aov::kShaded && !is_of_light(options.aov) &&
-      (options.samples > 0 || !options.color_layer.empty() || !options.light.words.light.empty()))
+      (options.samples > 0 || !options.look.colored.name.empty() || !options.light.words.light.empty()))
     throw Error(ErrorKind::kUsage, "",
                 "--samples, --light and --color-layer are for shaded and lit pictures");
   check_proxy_options(options.proxies, options.files);
@@ -64,12 +67,13 @@ class Renderer {
     prepare();
     opening_ = open_meanwhile(context_.device);
     for_each_file(context_, options_.files, [this](const std::string& path) { render_file(path); });
+    if (sink_.finish(context_.output)) report_output(context_.output);
     write_report();
   }
 
  private:
-  // Hits, their surface, the picture and its sum over the samples.
-  static constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 2 * sizeof(Vec3f) + 8 * sizeof(float);
+  // Hits, the rays that leave them, their surface, the picture's parts.
+  static constexpr std::uint64_t kBytesPerPixel = 2 * sizeof(Hit) + 2 * sizeof(Ray) + 24 * sizeof(float);
 
   // All that can be read and refused before the first file is.
   void prepare() {
@@ -81,14 +85,17 @@ class Renderer {
     if (!options_.camera.cameras_path.empty())
       words_ = read_cameras(options_.camera.cameras_path, options_.camera.words);
     check_paths_differ(context_, options_.files, {context_.output});
-    is_exr_ = image_format(names_.text(), kind_of(options_.aov)) == ImageFormat::kExr;
+    sink_ = PictureSink(names_.text(), kind_of(options_.aov), context_.force, options_.look.sheet);
     const std::vector<std::string>& levels = options_.levels;
-    check_names_differ(names_, options_.files, levels.size() > 1 || (!levels.empty() && levels[0] == "all"),
-                       words_.size() > 1 || options_.camera.turntable > 1);
+    if (!sink_.is_one())
+      check_names_differ(names_, options_.files, levels.size() > 1 || (!levels.empty() && levels[0] == "all"),
+                         words_.size() > 1 || options_.camera.turntable > 1);
     check_use(options_);
-    prepare_light(options_.light, is_of_light(options_.aov), context_.memory);
+    if (options_.aov == Aov::kOcclusion) refuse_for_occlusion(*options_.stage);
+    prepare_light(context_, options_.light, is_of_light(options_.aov));
     const Resolution size = options_.camera.resolution;
-    check_budget(context_.memory, std::uint64_t{size.width} * size.height * kBytesPerPixel, context_.output,
+    const std::uint64_t bytes = options_.light.words.light.empty() ? kBytesPerPixel : kPathBytesPerPixel;
+    check_budget(context_.memory, std::uint64_t{size.width} * size.height * bytes, context_.output,
                  "a picture of that resolution");
   }
 
@@ -96,8 +103,10 @@ class Renderer {
     context_.phase_watch.lap();
     const Asset asset = load_file(path);
     const std::vector<std::string> levels = levels_to_cast(context_, asset, options_.levels, true);
-    const std::vector<Camera> cameras = cameras_around(asset);
-    check_outputs(asset, levels, cameras.size());
+    const std::size_t frames =
+        words_.size() * static_cast<std::size_t>(std::max(1, options_.camera.turntable));
+    check_outputs(asset, levels, frames);
+    placed_ = {};
     time_phase(context_, "load");
     if (!device_) {
       device_ = opening_.get();
@@ -108,10 +117,10 @@ class Renderer {
     const std::unique_ptr<Tracer> secondary = secondary_tracer(asset);
     for (std::size_t i = 0; i < levels.size(); ++i) {
       const auto progress = [&](std::size_t frame) {
-        context_.progress.update("render", static_cast<double>(i * cameras.size() + frame) /
-                                               static_cast<double>(levels.size() * cameras.size()));
+        context_.progress.update(
+            "render", static_cast<double>(i * frames + frame) / static_cast<double>(levels.size() * frames));
       };
-      render_level(asset, levels[i], secondary.get(), cameras, progress);
+      render_level(asset, levels[i], secondary.get(), progress);
     }
   }
 
@@ -130,16 +139,20 @@ class Renderer {
     return asset;
   }
 
-  std::vector<Camera> cameras_around(const Asset& asset) const {
-    const Vec3d shift = given_shift(asset, options_.shifted);
-    std::vector<CameraWords> words = words_;
-    for (CameraWords& word : words)
-      for (std::optional<Vec3d>* point : {&word.position, &word.focal_point})
-        if (*point) **point = **point - shift;
+  // Once for all levels of a file. Says from where it is seen where nobody said so.
+  void place(const Asset& asset, const Tracer& tracer) {
     const Resolution size = options_.camera.resolution;
-    return place_cameras(words, options_.camera.turntable,
-                         {static_cast<Vec3d>(asset.bounds.lo), static_cast<Vec3d>(asset.bounds.hi)},
-                         up_axis(asset), static_cast<double>(size.width) / size.height);
+    placed_ = place_cameras(tracer, asset,
+                            {.words = words_,
+                             .turns = options_.camera.turntable,
+                             .view = options_.look.view,
+                             .up = options_.camera.up,
+                             .aspect = static_cast<double>(size.width) / size.height,
+                             .shift = given_shift(asset, options_.shifted)});
+    if (placed_.text.empty()) return;
+    context_.report["views"].push_back({{"file", asset.path}, {"view", placed_.text}});
+    if (options_.look.view == View::kChosen)
+      note(context_, "rbvh render: " + asset.path + ": " + placed_.text);
   }
 
   // Whether all pictures of a file can be written, each under a name of its own.
@@ -148,7 +161,7 @@ class Renderer {
       if (options_.aov == Aov::kLeaf) check_leaf_numbers(asset, level);
       for (std::size_t frame = 0; frame < frames; ++frame) {
         const std::string name = output_name(asset, level, frame);
-        if (!names_taken_.insert(name).second) refuse_same_name(asset.path);
+        if (!names_taken_.insert(name).second && !sink_.is_one()) refuse_same_name(asset.path);
         check_output(name, context_.force);
       }
     }
@@ -164,24 +177,29 @@ class Renderer {
   }
 
   void render_level(const Asset& asset, const std::string& level, const Tracer* secondary,
-                    const std::vector<Camera>& cameras, const std::function<void(std::size_t)>& progress) {
+                    const std::function<void(std::size_t)>& progress) {
     context_.phase_watch.lap();
     std::vector<std::unique_ptr<Tracer>> tracers;
     for (const ExactConfig& config : configs_) tracers.push_back(tracer_of(asset, level, config));
     device_->finish();
     time_phase(context_, "upload");
+    if (placed_.cameras.empty()) {
+      place(asset, *tracers[0]);
+      time_phase(context_, "view");
+    }
+    const std::vector<Camera>& cameras = placed_.cameras;
     const std::string& bounce_level = options_.light.bounce_level;
     const PictureSubject subject{asset, level, bounce_level.empty() ? level : bounce_level, *tracers[0],
                                  secondary != nullptr ? *secondary : *tracers[0]};
     for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
       progress(frame);
-      const Image image = tracers.size() > 1 ? difference(asset, *tracers[0], *tracers[1], cameras[frame])
-                                             : picture(subject, cameras[frame]);
+      Image image = tracers.size() > 1 ? difference(asset, *tracers[0], *tracers[1], cameras[frame])
+                                       : picture(subject, cameras[frame]);
       context_.phase_watch.lap();
       const std::string name = output_name(asset, level, frame);
-      write_image(name, image, context_.force);
+      sink_.add(name, std::move(image));
       time_phase(context_, "write");
-      report_output(name);
+      if (!sink_.is_one()) report_output(name);
     }
     report_proxies(context_, *tracers[0]);
   }
@@ -199,10 +217,12 @@ class Renderer {
     shown.height = options_.camera.resolution.height;
     shown.aov = options_.aov;
     shown.samples = options_.samples;
-    shown.up = static_cast<Vec3f>(up_axis(asset));
-    shown.as_shown = !is_exr_;
-    if (!options_.color_layer.empty())
-      shown.colors = layer_colors(asset, subject.level, options_.color_layer);
+    shown.up = static_cast<Vec3f>(placed_.up);
+    shown.as_shown = !sink_.is_exr();
+    const Look& look = options_.look;
+    ValueColors values;
+    if (!look.colored.name.empty()) values = value_colors(asset, subject.level, look.colored);
+    shown.colors = values.colors;
     Picture drawn =
         draw_picture(subject, camera, shown, options_.light, timings_, context_.progress.callback());
     if (drawn.path_samples > 0)
@@ -211,10 +231,15 @@ class Renderer {
       warn(context_, asset.path + ": nothing is in view; the object's bounds and shift are in rbvh info");
     if (options_.aov == Aov::kPosition)
       add_to_pixels(drawn.image, static_cast<Vec3f>(given_shift(asset, options_.shifted)));
+    if (look.edges) draw_edges(subject.primary, camera, drawn.image);
+    const Depicted depicted{asset, subject.level, placed_.up, look.colored.map, values.range};
+    if (drawn.image.channels.size() == 4) {
+      const std::string fault =
+          draw_texts(decorate(look.decoration, camera, depicted, drawn.image), look.font, drawn.image);
+      if (!fault.empty()) warn(context_, "pictures have no text: " + fault + "; name one with --font-file");
+    }
     return std::move(drawn.image);
   }
-
-  Vec3d up_axis(const Asset& asset) const { return options_.camera.up.value_or(asset.up_axis()); }
 
   SceneConfig scene_config(const ExactConfig& exact) const {
     SceneConfig config = options_.proxies.scene;
@@ -224,7 +249,8 @@ class Renderer {
 
   std::unique_ptr<Tracer> tracer_of(const Asset& asset, const std::string& level,
                                     const ExactConfig& exact) const {
-    return make_tracer(*device_, asset, level, scene_config(exact));
+    auto tracer = make_tracer(*device_, asset, level, scene_config(exact));
+    return options_.look.hide_back ? make_front_tracer(std::move(tracer)) : std::move(tracer);
   }
 
   std::string output_name(const Asset& asset, const std::string& level, std::size_t frame) const {
@@ -258,7 +284,8 @@ class Renderer {
   RenderOptions& options_;
   NameTemplate names_;
   std::set<std::string> names_taken_;
-  bool is_exr_ = false;
+  PictureSink sink_;
+  PlacedCameras placed_;              // around the file under way
   std::vector<ExactConfig> configs_;  // one, or the two compared
   std::vector<CameraWords> words_;
   std::future<Device> opening_;
@@ -276,6 +303,7 @@ void add_render(CLI::App& app, Context& context) {
                                "rbvh render dragon.rbvh -o '{name}-{level}.png' --level all"},
                               kWithOutput | kWithDevice | kWithReport,
                               [&context, options] { Renderer(context, *options).run(); });
+  options->stage = stage;
   stage->add_option("FILE", options->files, ".rbvh pairs, scans, proxies or scenes (.json)")->required();
   add_level_option(*stage, options->levels, true);
   add_parsed(*stage, "--aov", options->aov, parse_aov, "WHAT",
@@ -283,11 +311,11 @@ void add_render(CLI::App& app, Context& context) {
              "indirect; "
              "depth and position go to .exr");
   add_exact_options(*stage, options->exact);
-  add_parsed(*stage, "--samples", options->samples, parse_samples, "N",
-             "rays a pixel of a shaded picture (default: 4, with --light 64 paths); without --light 1 is the "
-             "centre");
-  add_parsed(*stage, "--color-layer", options->color_layer, parse_name, "NAME",
-             "shades a pair in the colours of a layer of your own: from dark blue (least) to yellow (most)");
+  add_parsed(
+      *stage, "--samples", options->samples, parse_samples, "N",
+      "rays a pixel of a shaded picture (default: 16 of small ones, else 4; with --light 64 paths); with "
+      "--quick 1 is the centre");
+  add_look_options(*stage, options->look);
   add_parsed(*stage, "--compare", options->compared, parse_two_traversals, "A,B",
              "where two tracers' hits differ, instead of a picture of the scan")
       ->excludes("--aov")

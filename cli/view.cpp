@@ -1,5 +1,5 @@
 // rbvh view: a pair as one HTML page that ray casts it.
-#include "rbvh/view.h"
+#include "rbvh/viewer.h"
 
 #include <spdlog/fmt/fmt.h>
 

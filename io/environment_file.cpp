@@ -40,17 +40,19 @@ Image reduced(Image image) {
 
 }  // namespace
 
-Image read_environment_map(const std::string& path) {
-  return decode_environment_map(read_input(path).view(), path);
+Image read_environment_map(const std::string& path, std::string* note) {
+  return decode_environment_map(read_input(path).view(), path, note);
 }
 
-void read_light(LightWords& words, const MemoryBudget& memory) {
-  if (is_light_name(words.light)) return;
+std::string read_light(LightWords& words, const MemoryBudget& memory) {
+  if (is_light_name(words.light)) return {};
   check_read_budget(memory, words.light);
-  words.map = read_environment_map(words.light);
+  std::string note;
+  words.map = read_environment_map(words.light, &note);
+  return note.empty() ? note : words.light + ": " + note;
 }
 
-Image decode_environment_map(std::string_view file, const std::string& path) {
+Image decode_environment_map(std::string_view file, const std::string& path, std::string* note) {
   const auto refuse = [&](const std::string& why) { throw Error(ErrorKind::kInput, path, one_line(why)); };
   const bool is_exr = file.starts_with("\x76\x2f\x31\x01");
   if (!is_exr && !file.starts_with("#?")) refuse("is neither an EXR nor a Radiance HDR picture");
@@ -83,11 +85,22 @@ Image decode_environment_map(std::string_view file, const std::string& path) {
       image_module(path).decode(is_exr ? "openexr" : "hdr", file, place, thread_count());
   if (!fault.empty()) refuse(fault);
   image = make_image(Image::Kind::kColor, image.width, image.height, {"R", "G", "B"});
+  std::uint64_t dropped = 0;
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     const float value = values[i / 3 * all + channels[i % 3]];
-    image.pixels[i] = std::isfinite(value) && value > 0 ? value : 0;
+    const bool is_light = std::isfinite(value) && value >= 0;
+    dropped += !is_light;
+    image.pixels[i] = is_light ? value : 0;
   }
-  return reduced(std::move(image));
+  const std::uint32_t width = image.width, height = image.height;
+  image = reduced(std::move(image));
+  if (note != nullptr && dropped > 0)
+    *note = counted(dropped, "value") + " below 0 or not finite taken for 0";
+  if (note != nullptr && image.width < width)
+    *note += (note->empty() ? "" : "; ") + std::string("averaged down from ") + std::to_string(width) +
+             " x " + std::to_string(height) + " pixels to " + std::to_string(image.width) + " x " +
+             std::to_string(image.height);
+  return image;
 }
 
 }  // namespace rbvh

@@ -11,13 +11,15 @@
 namespace rbvh {
 
 /// R G B, linear, row 0 on top. Negative values and those that are not finite become 0 (EXR's writers leave
-/// such); a map larger than 4096 pixels a side is averaged down. Throws Error(kInput).
-Image read_environment_map(const std::string& path);
+/// such); a map larger than 4096 pixels a side is averaged down. `note`, where given, gets a sentence about
+/// both, or stays empty. Throws Error(kInput).
+Image read_environment_map(const std::string& path, std::string* note = nullptr);
 
 /// The same of a file's bytes; `path` is for messages.
-Image decode_environment_map(std::string_view file, const std::string& path);
+Image decode_environment_map(std::string_view file, const std::string& path, std::string* note = nullptr);
 
-/// Reads the map where the light that is wanted is a file. Throws Error(kInput), Error(kBudget).
-void read_light(LightWords& words, const MemoryBudget& memory);
+/// Reads the map where the light that is wanted is a file, and returns its note. Throws Error(kInput),
+/// Error(kBudget).
+std::string read_light(LightWords& words, const MemoryBudget& memory);
 
 }  // namespace rbvh

@@ -77,4 +77,15 @@ void write_image(const std::string& path, const Image& image, bool overwrite) {
   file.commit();
 }
 
+void write_movie(const std::string& path, std::span<const Image> frames, bool overwrite) {
+  constexpr float kFramesPerSecond = 12;
+  OutputFile file(path, overwrite);
+  std::vector<std::vector<unsigned char>> bytes;
+  for (const Image& frame : frames) bytes.push_back(to_bytes(frame, 3));
+  const std::string fault = image_module(path).write_gif(file.temporary_path(), frames[0].width,
+                                                         frames[0].height, bytes, kFramesPerSecond);
+  if (!fault.empty()) throw Error(ErrorKind::kFailure, path, "the film cannot be written: " + fault);
+  file.commit();
+}
+
 }  // namespace rbvh

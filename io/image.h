@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,5 +21,9 @@ ImageFormat image_format(const std::string& path, Image::Kind kind);
 
 /// The bytes of a PNG file: 8 bits a channel, straight alpha.
 std::vector<std::byte> encode_image_png(const Image& image);
+
+/// A GIF that shows pictures of one size and kind one after the other, 12 a second, for ever. Throws
+/// Error(kFailure).
+void write_movie(const std::string& path, std::span<const Image> frames, bool overwrite);
 
 }  // namespace rbvh

@@ -33,6 +33,13 @@ struct ImageHeader {
   bool is_deep = false, is_integer = false, is_float32 = false;
 };
 
+/// A line of text: where its baseline begins or, to the left, ends.
+struct TextSpec {
+  std::string words;
+  int x = 0, y = 0, size = 12;  ///< pixels
+  bool to_the_left = false;
+};
+
 /// The functions return what went wrong, or nothing. `format`: "jpeg", "openexr", "tiff", or to decode "png".
 struct ImageModule {
   const char* version;  ///< of the rbvh that it was built with
@@ -50,6 +57,14 @@ struct ImageModule {
   /// * height * channels of them; or throws.
   std::string (*decode)(const char* format, std::string_view file,
                         const std::function<float*(const ImageHeader&)>& place, int threads);
+
+  /// Dark texts with a light rim over pixels of R, G, B, A.
+  std::string (*draw_text)(float* pixels, std::uint32_t width, std::uint32_t height,
+                           std::span<const TextSpec> texts, const std::string& font);
+
+  /// A GIF file that shows pictures of R, G, B one after the other, for ever.
+  std::string (*write_gif)(const std::string& path, std::uint32_t width, std::uint32_t height,
+                           std::span<const std::vector<unsigned char>> frames, float frames_per_second);
 };
 
 /// Loaded with its libraries by the first call. Throws Error(kFailure), naming `path`, where it cannot be.

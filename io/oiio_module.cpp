@@ -1,5 +1,7 @@
 // The module rbvh_images. io/image_module.h says why it is one.
 #include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imagebuf.h>
+#include <OpenImageIO/imagebufalgo.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -110,10 +112,37 @@ std::string decode(const char* format, std::string_view file,
   return {};
 }
 
+std::string draw_text(float* pixels, std::uint32_t width, std::uint32_t height,
+                      std::span<const TextSpec> texts, const std::string& font) {
+  OIIO::ImageBuf picture(
+      OIIO::ImageSpec(static_cast<int>(width), static_cast<int>(height), 4, OIIO::TypeFloat), pixels);
+  constexpr float kInk[] = {0.02f, 0.02f, 0.025f, 1};
+  for (const TextSpec& text : texts)
+    if (!OIIO::ImageBufAlgo::render_text(
+            picture, text.x, text.y, text.words, text.size, font, kInk,
+            text.to_the_left ? OIIO::ImageBufAlgo::TextAlignX::Right : OIIO::ImageBufAlgo::TextAlignX::Left))
+      return in_words(picture.geterror());
+  return {};
+}
+
+std::string write_gif(const std::string& path, std::uint32_t width, std::uint32_t height,
+                      std::span<const std::vector<unsigned char>> frames, float frames_per_second) {
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("gif");
+  if (out == nullptr) return in_words(OIIO::geterror());
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), 3, OIIO::TypeUInt8);
+  spec.attribute("FramesPerSecond", frames_per_second);
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    if (!out->open(path, spec, i == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage) ||
+        !out->write_image(OIIO::TypeUInt8, frames[i].data()))
+      return in_words(out->geterror());
+  return out->close() ? "" : in_words(out->geterror());
+}
+
 }  // namespace
 }  // namespace rbvh
 
 __attribute__((visibility("default"))) const rbvh::ImageModule* rbvh_image_module() {
-  static constexpr rbvh::ImageModule kModule = {RBVH_VERSION, rbvh::encode, rbvh::write_tiff, rbvh::decode};
+  static constexpr rbvh::ImageModule kModule = {RBVH_VERSION, rbvh::encode,    rbvh::write_tiff,
+                                                rbvh::decode, rbvh::draw_text, rbvh::write_gif};
   return &kModule;
 }

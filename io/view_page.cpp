@@ -13,7 +13,7 @@
 #include "pipeline/rbvh/lod.h"
 #include "pipeline/rbvh/rbvh.h"
 #include "rbvh/frame.h"
-#include "rbvh/view.h"
+#include "rbvh/viewer.h"
 
 namespace rbvh {
 namespace {

@@ -1,36 +1,65 @@
-// A pair as one HTML page that ray casts it in a browser (docs/viewer.md).
+// Where to look at an object from, where nobody says: at its sensor, or where most is seen of it.
 #pragma once
 
-#include <cstdint>
-#include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "rbvh/asset.h"
-#include "rbvh/image.h"
+#include "rbvh/camera.h"
+#include "rbvh/tracer.h"
 
 #pragma GCC visibility push(default)
 namespace rbvh {
 
-struct ViewConfig {
-  /// Of the page. The finest levels that fit are taken.
-  std::uint64_t most_bytes = std::numeric_limits<std::uint64_t>::max();
-  /// Shown until scripts run, and where they cannot: a picture of the pair, with alpha.
-  std::optional<Image> still{};
+enum class View {
+  kChosen,  ///< the sensor's of a cloud that was seen from one place; else the best
+  kFront,
+  kBack,
+  kLeft,
+  kRight,
+  kTop,
+  kBottom,
+  kIso,
+  kBest,
+  kSensor,
 };
 
-struct ViewBytes {
-  std::uint64_t page = 0;
-  std::vector<std::string> levels;          ///< that are in it, finest first
-  std::vector<std::uint64_t> level_bytes;   ///< each one's in the page
-  std::vector<std::uint64_t> stored_bytes;  ///< and in the pair it was read from; 0: it was not read
+/// "front", "back" ..., or nothing for any other word.
+std::optional<View> find_view(std::string_view name);
+
+struct ChosenView {
+  CameraWords words;  ///< of a camera that nobody placed, in inner coordinates
+  Vec3d up{0, 1, 0};  ///< what is up: what was asked for, or what the scan says
+  std::string text;   ///< what was chosen and why, such as "best of 20 views: azimuth 30, elevation 20"
 };
 
-/// Writes all levels that `pair` was loaded with. The page needs no network and no other file. Identical
-/// input gives identical bytes. Throws Error(kUsage) for another asset than a pair, Error(kBudget) where no
-/// level fits, Error(kFailure).
-ViewBytes write_view(const std::string& path, const Asset& pair, const ViewConfig& config, bool overwrite);
+/// Casts some hundred thousand rays, for kChosen, kBest and kSensor. `up`: unless given, the asset's own, or
+/// where the surface says otherwise, that of its largest level plane. `aspect` is width / height. Throws
+/// Error(kUsage) for kSensor where the asset was not seen from one place.
+ChosenView choose_view(const Tracer& tracer, const Asset& asset, View view, std::optional<Vec3d> up,
+                       double aspect);
+
+/// Cameras as a user says them.
+struct CameraRequest {
+  std::vector<CameraWords> words{{}};  ///< in the file's coordinates, less `shift`
+  int turns = 0;                       ///< above 0: a turntable of so many cameras from each
+  View view = View::kChosen;           ///< of cameras without a position
+  std::optional<Vec3d> up{};
+  double aspect = 1;  ///< width / height
+  Vec3d shift{};      ///< to inner coordinates
+};
+
+struct PlacedCameras {
+  std::vector<Camera> cameras;  ///< in inner coordinates
+  Vec3d up{0, 1, 0};
+  std::string text;  ///< ChosenView's; empty: all that matters was given
+};
+
+/// place_camera() for each of the words. Where they say neither a position nor angles, or the view is not
+/// kChosen, what they leave open is choose_view()'s.
+PlacedCameras place_cameras(const Tracer& tracer, const Asset& asset, const CameraRequest& request);
 
 }  // namespace rbvh
 #pragma GCC visibility pop

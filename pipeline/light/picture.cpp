@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "pipeline/light/bake_layer.h"
+#include "pipeline/light/soft_look.h"
 #include "pipeline/rbvh/rbvh.h"
 
 namespace rbvh {
@@ -35,6 +36,15 @@ Picture light_by_paths(const PictureSubject& of, const Camera& camera, const Ren
   return {std::move(image_of(traced, shown.aov)), traced.samples, traced.noise};
 }
 
+Image light_softly(const PictureSubject& of, const Camera& camera, const RenderConfig& shown,
+                   RenderTimings& timings, const Progress& progress) {
+  constexpr float kReach = 0.25f;  // of the diagonal: what occludes
+  const SoftLook look{.offset = path_offset(of.asset, of.level, of.secondary_level),
+                      .reach = kReach * of.asset.bounds.diagonal(),
+                      .outlines = of.asset.is_cloud};
+  return render_soft(of.primary, of.secondary, camera, shown, look, timings, progress);
+}
+
 }  // namespace
 
 Picture draw_picture(const PictureSubject& subject, const Camera& camera, const RenderConfig& shown,
@@ -44,8 +54,10 @@ Picture draw_picture(const PictureSubject& subject, const Camera& camera, const 
     picture.image = light_by_layer(subject, camera, shown, lighting.cached, timings);
   else if (!lighting.words.light.empty())
     picture = light_by_paths(subject, camera, shown, lighting, timings, progress);
-  else
+  else if (lighting.quick || shown.aov != Aov::kShaded)
     return {render(subject.primary, camera, shown, &timings)};
+  else
+    picture.image = light_softly(subject, camera, shown, timings, progress);
   if (shown.aov == Aov::kShaded && shown.as_shown && !lighting.linear) apply_filmic_curve(picture.image);
   return picture;
 }

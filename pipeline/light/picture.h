@@ -8,7 +8,10 @@
 
 namespace rbvh {
 
-/// How a picture is lit. By default it is shaded, or an AOV without light.
+/// What paths of light take of the host's memory for each pixel: sums, pictures, and what denoising adds.
+inline constexpr std::uint64_t kPathBytesPerPixel = 300;
+
+/// How a picture is lit. By default it is shaded softly (render_soft()), or an AOV without light.
 struct Lighting {
   LightWords words{.light = {}};  ///< of light, empty: pictures are not lit by paths
   PathConfig paths;               ///< but its size, samples, colours, ground and offset
@@ -16,6 +19,7 @@ struct Lighting {
   double distance = 0;            ///< that ambient occlusion sees, scan units; 0: all
   std::string cached;             ///< a layer that lights a pair in place of paths
   bool linear = false;            ///< light as it is, without the filmic curve
+  bool quick = false;             ///< of what is not lit by paths or a layer: without shadows
 };
 
 /// What a picture is of, and what its rays are cast at.

@@ -59,15 +59,19 @@ struct Lights {
   Vec3f key, up;
 };
 
-Vec3f light(Vec3f albedo, Vec3f normal, Vec3f view, const Lights& lights) {
+struct Lit {
+  Vec3f key, rest;  // by the key light; by all around
+};
+
+Lit light(Vec3f albedo, Vec3f normal, Vec3f view, const Lights& lights) {
   const float facing = std::clamp(dot(normal, view), 0.f, 1.f);
   const float key = std::max(0.f, dot(normal, lights.key));
   const Vec3f sky = mix(kGround, kSky, 0.5f + 0.5f * dot(normal, lights.up));
   const Vec3f halfway = normalized(lights.key + view);
   const float gloss = kGloss * std::pow(std::max(0.f, dot(normal, halfway)), kGlossExponent);
   const float away = 1 - facing;
-  return times(albedo, kKey * key + sky + Vec3f{kFill, kFill, kFill} * facing) +
-         sky * (kBoundary * away * away * away) + kKey * gloss;
+  return {times(albedo, kKey * key) + kKey * gloss,
+          times(albedo, sky + Vec3f{kFill, kFill, kFill} * facing) + sky * (kBoundary * away * away * away)};
 }
 
 // Fully saturated, well apart for neighbouring numbers.
@@ -124,13 +128,17 @@ std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width
   return colors;
 }
 
-void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up,
-                float weight, Image& picture) {
-  const std::size_t width = rays.width, height = rays.height;
-  RBVH_CHECK(hits.size() == width * height && surface.normals.size() == hits.size());
+Vec3f to_key_light(const CameraRays& rays) {
   const Vec3f forward = pixel_direction(rays, rays.width / 2, rays.height / 2);
   const Vec3f image_up = -normalized(array3(rays.up)), image_right = normalized(array3(rays.right));
-  const Lights lights{normalized(forward * -0.75f + image_up * 0.5f - image_right * 0.4f), up};
+  return normalized(forward * -0.75f + image_up * 0.5f - image_right * 0.4f);
+}
+
+void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up,
+                float weight, Image& picture, Image* by_key) {
+  const std::size_t width = rays.width, height = rays.height;
+  RBVH_CHECK(hits.size() == width * height && surface.normals.size() == hits.size());
+  const Lights lights{to_key_light(rays), up};
   const float pixel_angle = length(array3(rays.up));
   int radii[std::size(kPixelsAtWhichReliefIsSought)];
   for (std::size_t i = 0; i < std::size(radii); ++i)
@@ -162,10 +170,17 @@ void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const Surface
           bend += relief(halves, hit.t, width, height, x, y, radius, pixel_angle);
         bend = std::clamp(bend, -1.f, 1.f);
         const float cavity = bend > 0 ? 1 - kValley * bend : 1 - kRidge * bend;
-        const Vec3f color = light(albedo, normal, view, lights) * cavity;
+        const Lit lit = light(albedo, normal, view, lights);
         float* out = picture.at(x, y);
-        for (int c = 0; c < 3; ++c) out[c] += std::clamp(color[c], 0.f, 1.f) * weight;
         out[3] += weight;
+        for (int c = 0; c < 3; ++c) {
+          if (by_key == nullptr) {
+            out[c] += std::clamp((lit.key[c] + lit.rest[c]) * cavity, 0.f, 1.f) * weight;
+          } else {
+            out[c] += lit.rest[c] * cavity * weight;
+            by_key->at(x, y)[c] += lit.key[c] * cavity * weight;
+          }
+        }
       }
   });
 }
@@ -197,9 +212,9 @@ Image data_image(Aov aov, const CameraRays& rays, std::span<const Hit> hits) {
         if (aov == Aov::kDepth) *out = found ? hit.t : kNowhere;
         if (aov == Aov::kLeaf) *out = found ? static_cast<float>(hit.leaf) : -1;
         if (aov == Aov::kPosition) {
-          const Vec3f direction =
-              pixel_direction(rays, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
-          put(out, found ? array3(rays.position) + direction * hit.t : Vec3f{kNowhere, kNowhere, kNowhere});
+          const Ray ray = pixel_ray(rays, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+          put(out, found ? array3(ray.origin) + array3(ray.direction) * hit.t
+                         : Vec3f{kNowhere, kNowhere, kNowhere});
         }
       }
   });

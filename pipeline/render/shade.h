@@ -20,9 +20,14 @@ std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width
 
 /// A headlight and a soft sky on clay (or the surface's own colours), from both sides, on a transparent
 /// background; valleys and depth steps are darkened by the depth of the pixels around. R, G, B, A; `up` is
-/// where the sky is. Adds to the picture of the rays, `weight` times.
+/// where the sky is. Adds to the picture of the rays, `weight` times; with `by_key` the key light's part to
+/// that (R, G, B), and neither is cut off at 1.
 void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up,
-                float weight, Image& picture);
+                float weight, Image& picture, Image* by_key = nullptr);
+
+/// Where it comes from: the camera's upper left.
+Vec3f to_key_light(const CameraRays& rays);
+
 Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up);
 
 /// What an AOV other than shaded and steps shows, as numbers for EXR: normal (geometric: N.X N.Y N.Z; 0 for

@@ -21,7 +21,8 @@ constexpr int kSteps = 6;            // of 255
 constexpr std::size_t kMostOff = 9;  // pixels beyond that, of 96 x 96
 constexpr double kMostMean = 0.4;    // steps, over the pixels that either covers
 
-constexpr const char* kAll[] = {"exact.png", "pair.png", "normal.png", "difference.png", "discs.png"};
+constexpr const char* kAll[] = {"exact.png",  "look.png",       "pair.png",
+                                "normal.png", "difference.png", "discs.png"};
 
 struct Picture {
   int width = 0, height = 0;
@@ -72,6 +73,8 @@ std::string difference(const Picture& a, const Picture& b) {
 class Golden : public ToolTest {
  protected:
   static constexpr const char* kSize = " --resolution 96,96 -f -q ";
+  static constexpr const char* kPlain =
+      " --quick --camera-azimuth-angle 30 --camera-elevation-angle 20 --resolution 96,96 -f -q ";
 
   void good(const std::string& words) {
     const ToolRun run = tool(words);
@@ -176,21 +179,27 @@ class Golden : public ToolTest {
 
 TEST_F(Golden, ExactMesh) {
   write_scene();
-  good(std::string("render scene.ply -o exact.png") + kSize);
+  good(std::string("render scene.ply -o exact.png") + kPlain);
   expect_golden("exact.png");
+}
+
+TEST_F(Golden, Look) {
+  write_scene();
+  good(std::string("render scene.ply -o look.png --grid --axis") + kSize);
+  expect_golden("look.png");
 }
 
 TEST_F(Golden, Pair) {
   write_scene();
   build();
-  good(std::string("render scene.rbvh -o pair.png") + kSize);
+  good(std::string("render scene.rbvh -o pair.png") + kPlain);
   expect_golden("pair.png");
 }
 
 TEST_F(Golden, PairNormals) {
   write_scene();
   build();
-  good(std::string("render scene.rbvh -o normal.png --aov normal") + kSize);
+  good(std::string("render scene.rbvh -o normal.png --aov normal") + kPlain);
   expect_golden("normal.png");
 }
 
@@ -204,7 +213,7 @@ TEST_F(Golden, Difference) {
 
 TEST_F(Golden, Discs) {
   write_cloud();
-  good(std::string("render cloud.ply -o discs.png") + kSize);
+  good(std::string("render cloud.ply -o discs.png") + kPlain);
   expect_golden("discs.png");
 }
 
