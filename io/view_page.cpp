@@ -125,12 +125,12 @@ ViewBytes write_view(const std::string& path, const Asset& pair, const ViewConfi
   std::vector<std::uint64_t> bytes;
   for (const Level& level : levels) {
     packed.push_back(pack_view_level(level, pair.path));
-    // With its element and its description.
-    bytes.push_back(block_element(0, packed.back().block).size() + script_json(packed.back().meta).size() +
-                    2);
+    // Its element, its description, and a comma; of these there is one less than of levels.
+    bytes.push_back(block_element(levels.size() - 1, packed.back().block).size() +
+                    script_json(packed.back().meta).size() + 1);
   }
   const std::string still = still_element(config.still, pair.name);
-  const std::uint64_t own = make_page(pair, packed, {}, still).size();
+  const std::uint64_t own = make_page(pair, packed, {}, still).size() - 1;
   const std::vector<std::size_t> chosen =
       choose_levels_by_bytes(bytes, config.most_bytes > own ? config.most_bytes - own : 0);
   if (chosen.empty())
