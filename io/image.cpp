@@ -81,7 +81,7 @@ void write_movie(const std::string& path, std::span<const Image> frames, bool ov
   constexpr float kFramesPerSecond = 12;
   OutputFile file(path, overwrite);
   std::vector<std::vector<unsigned char>> bytes;
-  for (const Image& frame : frames) bytes.push_back(to_bytes(frame, 3));
+  for (const Image& frame : frames) bytes.push_back(image_bytes(frame, 3));
   const std::string fault = image_module(path).write_gif(file.temporary_path(), frames[0].width,
                                                          frames[0].height, bytes, kFramesPerSecond);
   if (!fault.empty()) throw Error(ErrorKind::kFailure, path, "the film cannot be written: " + fault);

@@ -198,7 +198,9 @@ TEST(SoftLook, ShadowsAreCastAndRepeat) {
   // Nothing stands over the plain one: what quick pictures show, but for no cut at 1.
   const Image quick = render(*alone.tracer, camera, config);
   for (std::size_t i = 0; i < plain.pixels.size(); i += 4)
-    if (quick.pixels[i] < 0.98f) EXPECT_NEAR(plain.pixels[i], quick.pixels[i], 0.02f) << i;
+    if (quick.pixels[i] < 0.98f) {
+      EXPECT_NEAR(plain.pixels[i], quick.pixels[i], 0.02f) << i;
+    }
 }
 
 }  // namespace
