@@ -106,6 +106,7 @@ class Renderer {
     const std::size_t frames =
         words_.size() * static_cast<std::size_t>(std::max(1, options_.camera.turntable));
     check_outputs(asset, levels, frames);
+    check_words(asset);
     placed_ = {};
     time_phase(context_, "load");
     if (!device_) {
@@ -137,6 +138,12 @@ class Renderer {
       check_tracer_budget(context_.memory, asset, scene_config(config));
     }
     return asset;
+  }
+
+  // Words that no camera fits, before a device is opened.
+  void check_words(const Asset& asset) const {
+    place_cameras(words_, 0, {static_cast<Vec3d>(asset.bounds.lo), static_cast<Vec3d>(asset.bounds.hi)},
+                  options_.camera.up.value_or(asset.up_axis()), 1);
   }
 
   // Once for all levels of a file. Says from where it is seen where nobody said so.
@@ -315,6 +322,7 @@ void add_render(CLI::App& app, Context& context) {
       *stage, "--samples", options->samples, parse_samples, "N",
       "rays a pixel of a shaded picture (default: 16 of small ones, else 4; with --light 64 paths); with "
       "--quick 1 is the centre");
+  add_camera_options(*stage, options->camera);
   add_look_options(*stage, options->look);
   add_parsed(*stage, "--compare", options->compared, parse_two_traversals, "A,B",
              "where two tracers' hits differ, instead of a picture of the scan")
@@ -325,7 +333,6 @@ void add_render(CLI::App& app, Context& context) {
   add_coordinates_option(*stage, options->shifted);
   add_proxy_options(*stage, options->proxies, true);
   add_light_options(*stage, options->light);
-  add_camera_options(*stage, options->camera);
 }
 
 }  // namespace rbvh

@@ -17,8 +17,8 @@ constexpr double kFarthest = 4;   // diagonals from the middle to the origin, or
 constexpr double kFacing = 0.9;   // least part of the surface that faces the sensor
 constexpr double kVisible = 0.8;  // and that nothing stands before
 constexpr std::size_t kMostRays = 8192;
-constexpr double kWidest = 55;      // degrees off the view that a picture may reach
-constexpr double kOutside = 0.002;  // of the points, on each side, may be outside the picture
+constexpr double kWidest = 55;       // degrees off the view that a picture may reach
+constexpr double kOutside = 0.0005;  // of the points, on each side, may be outside the picture
 constexpr double kMargin = 1.04;
 
 struct SurfacePoint {

@@ -7,7 +7,6 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/vector_math.h"
-#include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/vertex_normals.h"
 #include "pipeline/trace/camera_rays.h"
@@ -112,20 +111,6 @@ std::optional<Aov> find_aov(std::string_view name) {
   for (const auto& [known, aov] : kNames)
     if (name == known) return aov;
   return std::nullopt;
-}
-
-std::vector<Vec3f> value_colors(std::span<const float> values, std::size_t width, float lo, float hi) {
-  RBVH_CHECK(width > 0);
-  std::vector<Vec3f> colors(values.size() / width, kClay);
-  const auto share = [&](float value) {
-    return hi > lo ? std::clamp((value - lo) / (hi - lo), 0.0f, 1.0f) : 0;
-  };
-  for (std::size_t i = 0; i < colors.size(); ++i) {
-    const float* v = values.data() + i * width;
-    if (std::isnan(v[0])) continue;
-    colors[i] = width < 3 ? ramp(share(v[0])) : Vec3f{share(v[0]), share(v[1]), share(v[2])};
-  }
-  return colors;
 }
 
 Vec3f to_key_light(const CameraRays& rays) {
@@ -257,20 +242,6 @@ Image shown_image(Aov aov, const Image& data) {
     out[3] = found ? 1.f : 0.f;
   }
   return image;
-}
-
-std::vector<Vec3f> layer_colors(const Level& level, const Layer& layer, std::span<const Hit> hits) {
-  return value_colors(sample_layer_at_hits(level, layer, hits), sample_width(layer), layer.lo, layer.hi);
-}
-
-std::function<std::vector<Vec3f>(std::span<const Hit>)> layer_colors(const Asset& asset,
-                                                                     const std::string& level,
-                                                                     const std::string& layer) {
-  const Level* colored = asset.rbvh() ? asset.rbvh()->find_level(level) : nullptr;
-  const Layer* found = colored ? find_layer(*colored, layer) : nullptr;
-  if (!found || layer_kind(layer) != LayerKind::kUser)
-    throw Error(ErrorKind::kUsage, asset.path, "there is no layer '" + layer + "' of your own in " + level);
-  return [colored, found](std::span<const Hit> hits) { return layer_colors(*colored, *found, hits); };
 }
 
 }  // namespace rbvh

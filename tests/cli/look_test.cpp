@@ -35,7 +35,7 @@ TEST_F(Look, OptionsChangeThePicture) {
 }
 
 TEST_F(Look, BackgroundsAreBehind) {
-  const Picture white = drawn("--background white"), blue = drawn("--background #0000ff"),
+  const Picture white = drawn("--background white"), blue = drawn("--background '#0000ff'"),
                 own = drawn("--background 0,0,1");
   EXPECT_EQ(white.at(0, 0)[0], 1);
   EXPECT_EQ(white.at(0, 0)[3], 1);
@@ -49,7 +49,7 @@ TEST_F(Look, BackgroundsAreBehind) {
 
 TEST_F(Look, VertexPropertiesAreColours) {
   const std::string words = "--view front --quick --color-layer height ";
-  const auto differ = [&](const Picture& p) { return p.at(32, 20)[0] - p.at(32, 44)[0]; };
+  const auto differ = [&](const Picture& p) { return p.at(32, 8)[0] - p.at(32, 56)[0]; };
   EXPECT_GT(differ(drawn(words, "tilt.ply")), 0.1);
   const Picture viridis = drawn(words, "tilt.ply");
   EXPECT_NE(drawn(words + "--color-map turbo", "tilt.ply").pixels, viridis.pixels);
