@@ -25,7 +25,7 @@ TEST_F(Bake, OcclusionIsThatOfPicturesAndTheSkyLightsFromAbove) {
   EXPECT_GT(report["counts"]["texels"], 100);
   good("render ao.rbvh --cached ao --linear --samples 1 --resolution 32,32 -o ao.exr");
   good("bake ao.rbvh --layer sky --light sky --samples 16 --level Q4 -o lit.rbvh --layer-scale 2");
-  good("render lit.rbvh --level Q4 --cached sky --resolution 32,32 -o lit.png");
+  good("render lit.rbvh --level Q4 --cached sky --view front --resolution 32,32 -o lit.png");
   good("render lit.rbvh --cached ao --resolution 32,32 -o both.png");  // layers that were there stay
   const Picture open = read_picture(path("ao.exr")), lit = read_picture(path("lit.png"));
   // EXR has light as it is, also without being asked to.

@@ -136,10 +136,10 @@ TEST_F(Batch, ShardsAreTheWhole) {
 
 TEST_F(Batch, AScanThatNeedsMoreMemoryRunsAlone) {
   // Each of the two has half of it, which is not enough for the picture; all of it is.
-  EXPECT_EQ(tool("render scans/a.ply -o a.png --memory 75M").code, 5);
-  write("picture.json", R"({"steps": [{"stage": "render", "options": ["--resolution", "1024,1024"]}]})");
+  EXPECT_EQ(tool("render scans/a.ply -o a.png --quick --memory 150M").code, 5);
+  write("picture.json", R"({"steps": [{"stage": "render", "options": ["--quick"]}]})");
   const ToolRun run =
-      tool("batch scans/a.ply scans/b.ply -o out --chain picture.json --jobs 2 --memory 150M");
+      tool("batch scans/a.ply scans/b.ply -o out --chain picture.json --jobs 2 --memory 300M");
   EXPECT_EQ(run.code, 0) << run.err;
   EXPECT_EQ(this->run("scans/a.ply scans/b.ply -o none --chain picture.json --jobs 1 --memory 50M"), 4);
 }

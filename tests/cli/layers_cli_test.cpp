@@ -322,8 +322,8 @@ TEST_F(Detail, PropertiesOfTheScanBecomeLayers) {
 
 TEST_F(Detail, RaysChooseTheirLevelByTheirWidth) {
   good("build ball.ply -o a.rbvh --levels Q1,Q4");
-  good("render a.rbvh --level auto -o '{level}.png' --resolution 32,32");
-  good("render a.rbvh --level Q4 -o '{level}.png' --resolution 32,32");
+  good("render a.rbvh --level auto --quick --view front -o '{level}.png' --resolution 32,32");
+  good("render a.rbvh --level Q4 --quick --view front -o '{level}.png' --resolution 32,32");
   EXPECT_EQ(read("auto.png"), read("Q4.png")) << "a pixel covers many texels";
   write_npy(path("rays.npy"), std::vector<float>{0, 0, 4, 0, 0, -2}, 6, false);
   const std::size_t eight[] = {8};
