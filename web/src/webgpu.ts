@@ -6,6 +6,7 @@ import type { Traversal } from "./passes";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
 import { HIT_WORDS } from "./renderer";
 import blitText from "./blit.wgsl";
+import surfaceText from "./surface.wgsl";
 import traceText from "./trace.wgsl";
 
 const PASSES = ["primary", "occlusion", "shade", "castRays"] as const;
@@ -34,7 +35,7 @@ export async function makeGpuRenderer(canvas: HTMLCanvasElement, traversal: Trav
   const device = await adapter.requestDevice({ requiredLimits: {
     maxStorageBufferBindingSize: most, maxBufferSize: adapter.limits.maxBufferSize } });
   void device.lost.then((info) => info.reason !== "destroyed" && onLost());
-  const module = device.createShaderModule({ code: traceText });
+  const module = device.createShaderModule({ code: traceText + surfaceText });
   const problems = (await module.getCompilationInfo()).messages.filter((m) => m.type === "error");
   if (problems.length > 0) throw new Error(`a shader does not compile: ${problems[0]!.lineNum}: ${problems[0]!.message}`);
   const storage = (binding: number, type: GPUBufferBindingType): GPUBindGroupLayoutEntry =>
