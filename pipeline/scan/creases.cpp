@@ -16,13 +16,18 @@ constexpr std::uint32_t kNone = 0xffffffffu;
 /// Of half the angle of a crease: normals that are all so near to one of them have no crease between them.
 constexpr float kHalfCosine = 0.9055f;
 
+/// Twice the area of narrower faces, of their longest edge squared: rounding turns their normals anywhere.
+constexpr float kSliver = 1e-4f;
+
+/// Unit; zeros of slivers.
 std::vector<Vec3f> face_normals(const Scan& mesh) {
   std::vector<Vec3f> normals(mesh.triangles.size());
   parallel_for(normals.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Triangle& t = mesh.triangles[i];
-      const Vec3f a = mesh.positions[t[0]];
-      normals[i] = normalized(cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a));
+      const Vec3f ab = mesh.positions[t[1]] - mesh.positions[t[0]],
+                  ac = mesh.positions[t[2]] - mesh.positions[t[0]], bc = ac - ab, n = cross(ab, ac);
+      if (length(n) > kSliver * std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)})) normals[i] = normalized(n);
     }
   });
   return normals;

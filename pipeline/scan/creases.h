@@ -18,7 +18,7 @@ struct CreasedMesh {
 };
 
 /// Sides are faces around a vertex that follow from each other across edges that are no creases. Faces
-/// without an area part nothing.
+/// without an area and slivers part nothing.
 CreasedMesh split_creases(const Scan& mesh);
 
 /// Unit normals of its vertices, as vertex_normals() has them.
