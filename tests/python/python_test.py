@@ -214,7 +214,8 @@ class Demo(unittest.TestCase):
         picture = self.pair.render(resolution=(64, 48), level="Q3")
         self.assertEqual((picture.shape, picture.dtype), ((48, 64, 4), np.uint8))
         self.assertGreater((picture[..., 3] == 255).mean(), 0.05)
-        self.tool("render", "scan.rbvh", "--level", "Q3", "--resolution", "64,48", "-o", "tool.png", "-f")
+        self.tool("render", "scan.rbvh", "--level", "Q3", "--resolution", "64,48", "--quick",
+                  "--camera-azimuth-angle", "30", "--camera-elevation-angle", "20", "-o", "tool.png", "-f")
         np.testing.assert_array_equal(picture, read_png("tool.png"))
         rbvh.write_image("again.png", picture)
         np.testing.assert_array_equal(read_png("again.png"), picture)
