@@ -61,7 +61,7 @@ for (const renderer of RENDERERS)
 
     test(`${renderer} draws what render draws: ${name}`, async () => {
       const triple = (v) => v.join(",");
-      tool("render", path(`${name}.rbvh`), "--level", LEVEL, "--resolution", `${PIXELS},${PIXELS}`, "--up", "+Y",
+      tool("render", path(`${name}.rbvh`), "--quick", "--level", LEVEL, "--resolution", `${PIXELS},${PIXELS}`, "--up", "+Y",
            "--camera-position", triple(CAMERA.position), "--camera-focal-point", triple(CAMERA.focalPoint),
            ...(layer ? ["--color-layer", layer] : []), "-f", "-o", path("wanted.png"));
       const wanted = decodePng(readFileSync(path("wanted.png"))), page = await openReady(name, `?renderer=${renderer}`);
