@@ -37,9 +37,9 @@ ordered_json row_of(const ScanResult& result) {
                    {"peak_bytes", peak},
                    {"warnings", warnings},
                    {"levels", levels}};
-  if (result.state == State::kFailed)
-    row.update(
-        {{"step", result.failed_step}, {"exit_code", result.exit_code}, {"error", result.error->what()}});
+  if (result.error) row["error"] = result.error->what();
+  if (!result.failed_step.empty())
+    row.update({{"step", result.failed_step}, {"exit_code", result.exit_code}});
   return row;
 }
 

@@ -10,8 +10,9 @@
 namespace rbvh {
 
 /// {"version", "counts": {"scans", "done", "up_to_date", "failed"}, "scans": [{"name", "source", "state",
-/// "bytes_in", "bytes_out", "seconds", "peak_bytes", "warnings", "levels", and of those that failed "step",
-/// "exit_code", "error"}]}. Seconds and peaks are those of the last run of each step.
+/// "bytes_in", "bytes_out", "seconds", "peak_bytes", "warnings", "levels", and of those that failed "error"
+/// and, where a step did, "step" and "exit_code"}]}. Seconds and peaks are those of the last run of each
+/// step.
 nlohmann::ordered_json batch_json(const std::vector<ScanResult>& results);
 
 /// The same rows with commas between; a level's error has a column of its own (Q0_error: rms over the

@@ -1,6 +1,7 @@
 #include "batch/chain.h"
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -8,6 +9,7 @@
 #include "io/input_file.h"
 #include "io/shallow_json.h"
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/check_rbvh.h"
 
 namespace rbvh {
 namespace {
@@ -101,6 +103,11 @@ ChainStep read_step(const nlohmann::json& entry, const std::string& asset, const
   const StageKind* kind = find_stage(step.stage);
   if (!kind) refuse(path, "'" + step.stage + "' is no stage for batches");
   step.name = entry.contains("name") ? text_of(entry["name"], "name", path) : step.stage;
+  if (!is_name(step.name) || is_of_the_stage(step.name) || step.name == "name" || step.name == "source")
+    refuse(
+        path,
+        "'" + step.name +
+            "' is no name of a step: 1 to 32 letters, digits, _ and -, but not name, source, level or frame");
   step.input = entry.contains("input") ? text_of(entry["input"], "input", path) : "{" + asset + "}";
   step.output = entry.contains("output") ? text_of(entry["output"], "output", path)
                                          : "{name}" + std::string(kind->output);
@@ -171,9 +178,10 @@ Chain default_chain() {
            {"render", "render", "{build}", "{name}.png", {}}}};
 }
 
-Chain read_chain(const std::string& path) {
-  const InputBytes bytes = read_input(path);
-  const nlohmann::json json = parse_shallow_json(bytes.view(), 4);
+Chain read_chain(const std::string& path) { return decode_chain(read_input(path).view(), path); }
+
+Chain decode_chain(std::string_view bytes, const std::string& path) {
+  const nlohmann::json json = parse_shallow_json(bytes, 4);
   if (!json.is_object()) refuse(path, "is no manifest of a batch: a JSON object with \"steps\"");
   check_keys(json, {"inputs", "steps"}, path);
   Chain chain;
@@ -191,7 +199,7 @@ Chain read_chain(const std::string& path) {
     ChainStep step = read_step(entry, asset, path);
     check_output_name(step, path);
     check_fields(step, known, path);
-    if (!known.insert(step.name).second || is_of_the_stage(step.name))
+    if (!known.insert(step.name).second)
       refuse(path, "two steps are called '" + step.name + "'; give one another \"name\"");
     if (!outputs.insert(step.output).second)
       refuse(path, "two steps write " + step.output + "; give one another \"output\"");

@@ -35,8 +35,12 @@ struct Chain {
 /// Ingest, build, and a picture of the pair.
 Chain default_chain();
 
-/// Throws Error(kInput) where the file is no manifest: JSON that is cut or has unknown keys, a step that is
-/// no stage for batches, a field that no earlier step fills, two steps of one name or output.
+/// From the bytes of a manifest, which may be hostile; `path` names it in messages. Throws Error(kInput) for
+/// what is none: JSON that is cut or has unknown keys, a step that is no stage for batches, a field that no
+/// earlier step fills, two steps of one name or output.
+Chain decode_chain(std::string_view bytes, const std::string& path);
+
+/// Of a file.
 Chain read_chain(const std::string& path);
 
 /// The stage writes to standard output, not to a file that is named.

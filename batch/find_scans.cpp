@@ -61,6 +61,7 @@ FoundScans find_scans(const std::vector<std::string>& inputs, const std::string&
       else
         found.scans.push_back({path, fs::path(path).filename().string()});
     }
+  for (BatchScan& scan : found.scans) scan.path = fs::absolute(scan.path).string();
   std::map<std::string, int> same;
   const auto stem = [](const BatchScan& scan) { return fs::path(scan.name).replace_extension().string(); };
   for (const BatchScan& scan : found.scans) ++same[stem(scan)];

@@ -8,7 +8,7 @@
 namespace rbvh {
 
 struct BatchScan {
-  std::string path;
+  std::string path;  ///< absolute
   std::string name;  ///< relative, unique: the path within its folder, without its extension
 };
 

@@ -16,6 +16,7 @@
 #include "io/input_file.h"
 #include "io/output_file.h"
 #include "io/posix_file.h"
+#include "io/proxy_file.h"
 #include "io/shallow_json.h"
 #include "pipeline/base/error.h"
 #include "rbvh/version.h"
@@ -28,9 +29,13 @@ using State = ScanResult::State;
 
 constexpr int kOverBudget = 5;  // the tool's exit code
 
+// Files that options name, such as rays or a sky, and the hashes of their content.
+using OptionFiles = std::map<std::string, std::uint64_t>;
+
 // Where the journal and the logs of a scan lie, and the values of its fields.
 struct Work {
   const BatchConfig& config;
+  const OptionFiles& option_files;
   const BatchScan& scan;
   std::string base;  // OUTPUT/.rbvh-batch/NAME
   std::map<std::string, std::string> values;
@@ -38,9 +43,32 @@ struct Work {
   std::uint64_t memory;
 };
 
-// OUTPUT/NAME.EXT; the folders of names with folders are made.
+// OUTPUT/NAME.EXT
+std::string output_path(const std::string& folder, const BatchScan& scan, const ChainStep& step) {
+  return (fs::path(folder) / fill_fields(step.output, {{"name", scan.name}})).string();
+}
 std::string output_path(const Work& work, const ChainStep& step) {
-  return (fs::path(work.config.output) / fill_fields(step.output, work.values)).string();
+  return output_path(work.config.output, work.scan, step);
+}
+
+// The value of "--rays=FILE"; any other word as it is.
+std::string value_of(const std::string& word) {
+  const std::size_t equals = word.starts_with("--") ? word.find('=') : std::string::npos;
+  return equals == std::string::npos ? word : word.substr(equals + 1);
+}
+
+OptionFiles find_option_files(const Chain& chain) {
+  OptionFiles files;
+  for (const ChainStep& step : chain.steps)
+    for (const std::string& word : step.options)
+      if (const auto found = stamp(value_of(word))) files[found->path] = found->hash;
+  return files;
+}
+
+// Files that other files belong to, which may change while these stay.
+bool has_parts(const std::string& source) {
+  const std::string extension = fs::path(source).extension().string();
+  return extension == ".gltf" || extension == ".json" || is_proxy(source);
 }
 
 void make_folder_of(const std::string& path) {
@@ -93,11 +121,15 @@ std::vector<std::string> words_of(const Work& work, const ChainStep& step) {
 }
 
 // Of all that decides the step's output: the words, the version, the content of what it reads.
-std::uint64_t key_of(const std::vector<std::string>& words, const ChainStep& step, const Journal& done,
-                     const std::string& device) {
-  std::string text = std::string(version());
-  for (const std::string& word : words) text += '\0' + word;
-  text += '\0' + device;
+std::uint64_t key_of(const Work& work, const std::vector<std::string>& words, const ChainStep& step,
+                     const Journal& done) {
+  std::string text = version();
+  for (const std::string& word : words) {
+    text += '\0' + word;
+    const auto file = work.option_files.find(value_of(word));
+    if (file != work.option_files.end()) text += '\0' + std::to_string(file->second);
+  }
+  text += '\0' + work.config.device;
   std::vector<std::string> read = fields_of(step.input);
   for (const std::string& option : step.options)
     for (const std::string& field : fields_of(option)) read.push_back(field);
@@ -212,10 +244,11 @@ void run_steps(Work& work, const Chain& chain, ScanResult& result) {
   result.state = State::kUpToDate;
   for (const ChainStep& step : chain.steps) {
     const std::vector<std::string> words = words_of(work, step);
-    const std::uint64_t key = key_of(words, step, result.journal, work.config.device);
+    const std::uint64_t key = key_of(work, words, step, result.journal);
     const StepRecord* old = find_step(before, step.name);
     StepRecord record = old ? *old : StepRecord{};
-    if (!old || old->key != key || !stands(record)) {
+    const bool reads_parts = step.input == "{source}" && has_parts(work.scan.path);
+    if (!old || old->key != key || reads_parts || !stands(record)) {
       if (!work.config.force) check_is_ours(written_files(output_path(work, step)), old);
       record = run_step(work, step, words, key);
       result.state = State::kDone;
@@ -233,10 +266,11 @@ void run_steps(Work& work, const Chain& chain, ScanResult& result) {
   }
 }
 
-ScanResult run_scan(const Chain& chain, const BatchScan& scan, const BatchConfig& config, int threads,
-                    std::uint64_t memory) {
+ScanResult run_scan(const Chain& chain, const BatchScan& scan, const BatchConfig& config,
+                    const OptionFiles& option_files, int threads, std::uint64_t memory) {
   ScanResult result{.scan = scan, .error = {}, .failed_step = {}, .journal = {}};
   Work work{config,
+            option_files,
             scan,
             (fs::path(config.output) / ".rbvh-batch" / scan.name).string(),
             {{"name", scan.name}, {"source", scan.path}},
@@ -262,9 +296,26 @@ ScanResult run_scan(const Chain& chain, const BatchScan& scan, const BatchConfig
 
 }  // namespace
 
+void check_outputs_differ(const Chain& chain, const std::vector<BatchScan>& scans,
+                          const std::string& folder) {
+  std::map<std::string, std::string> owners;
+  for (const BatchScan& scan : scans) owners[fs::weakly_canonical(scan.path).string()] = scan.path;
+  for (const BatchScan& scan : scans)
+    for (const ChainStep& step : chain.steps) {
+      const std::string output = output_path(folder, scan, step);
+      const auto [owner, is_new] = owners.try_emplace(output, scan.path);
+      if (!is_new)
+        throw Error(ErrorKind::kUsage, scan.path,
+                    "step '" + step.name + "' would write " + output + ", which is " +
+                        (owner->second == scan.path ? "the scan or another step's" : "of " + owner->second) +
+                        "; give another folder or another \"output\"");
+    }
+}
+
 std::vector<ScanResult> run_batch(const Chain& chain, const std::vector<BatchScan>& scans,
                                   const BatchConfig& config,
                                   const std::function<void(const ScanResult&, std::size_t done)>& on_done) {
+  const OptionFiles option_files = find_option_files(chain);
   std::vector<ScanResult> results(scans.size());
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
@@ -280,7 +331,7 @@ std::vector<ScanResult> run_batch(const Chain& chain, const std::vector<BatchSca
   const std::uint64_t memory = config.memory / static_cast<std::uint64_t>(jobs);
   const auto work = [&] {
     for (std::size_t i = next++; i < scans.size(); i = next++) {
-      ScanResult result = run_scan(chain, scans[i], config, threads, memory);
+      ScanResult result = run_scan(chain, scans[i], config, option_files, threads, memory);
       if (result.exit_code == kOverBudget && jobs > 1) {
         const std::lock_guard lock(mutex);
         too_large.push_back(i);
@@ -295,7 +346,7 @@ std::vector<ScanResult> run_batch(const Chain& chain, const std::vector<BatchSca
   for (std::thread& worker : workers) worker.join();
   std::sort(too_large.begin(), too_large.end());
   for (const std::size_t i : too_large)
-    finish(i, run_scan(chain, scans[i], config, config.threads, config.memory));
+    finish(i, run_scan(chain, scans[i], config, option_files, config.threads, config.memory));
   return results;
 }
 

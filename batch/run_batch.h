@@ -28,10 +28,14 @@ struct ScanResult {
   enum class State { kDone, kUpToDate, kFailed } state = State::kDone;
   std::optional<Error> error;  ///< why it failed
   std::string failed_step;     ///< empty: before any
-  int exit_code = 0;           ///< of that step
+  int exit_code = 0;           ///< of that step's process
   double seconds = 0;          ///< of the steps that were run now
   Journal journal;             ///< with the steps that stand
 };
+
+/// Throws Error(kUsage) where two outputs in `folder` would be one file, as of the scans "a" and "a-lod" with
+/// an output "{name}-lod.rbvh", or one would be a scan.
+void check_outputs_differ(const Chain& chain, const std::vector<BatchScan>& scans, const std::string& folder);
 
 /// Runs the chain over each scan, `jobs` at once with equal parts of threads and memory. A step that needs
 /// more memory (exit code 5) runs again alone, with all of it, once the others are done. `on_done` is called

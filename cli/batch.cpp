@@ -22,8 +22,6 @@ struct BatchOptions {
   Shard shard;
 };
 
-std::string parse_file(std::string_view text) { return std::string(text); }
-
 Chain chain_of(const BatchOptions& options) {
   Chain chain = options.chain.empty() ? default_chain() : read_chain(options.chain);
   chain.inputs.insert(chain.inputs.end(), options.inputs.begin(), options.inputs.end());
@@ -37,12 +35,14 @@ void run_stage(Context& context, const BatchOptions& options) {
   check_paths_differ(context, {options.chain}, {});
   const std::string output = fs::weakly_canonical(fs::absolute(context.output)).string();
   const FoundScans found = find_scans(chain.inputs, output);
+  if (found.scans.empty())
+    throw Error(ErrorKind::kInput, chain.inputs[0], "no scan is there, by the files' names");
+  check_outputs_differ(chain, found.scans, output);
   std::error_code code;
   fs::create_directory(output, code);
   if (!fs::is_directory(output))
     throw Error(ErrorKind::kFailure, context.output, "is no folder, and none can be made there");
-  std::vector<BatchScan> scans = shard(found.scans, options.shard);
-  for (BatchScan& scan : scans) scan.path = fs::absolute(scan.path).string();
+  const std::vector<BatchScan> scans = shard(found.scans, options.shard);
   if (found.others > 0)
     note(context, "rbvh batch: " + counted(found.others, "file") + " left out: no scans by their names");
   BatchConfig config{.output = output,
@@ -81,7 +81,7 @@ void add_batch(CLI::App& app, Context& context) {
        "rbvh batch scans/ -o out"},
       kWithOutput | kWithDevice | kWithReport, [&context, options] { run_stage(context, *options); });
   stage->add_option("IN", options->inputs, "scans, folders of scans, patterns");
-  add_parsed(*stage, "--chain", options->chain, parse_file, "FILE.json",
+  add_parsed(*stage, "--chain", options->chain, parse_path, "FILE.json",
              "the steps, and scans (default: ingest, build, render)");
   add_parsed(*stage, "--jobs", options->jobs, parse_positive, "N",
              "scans at once (default: one a thread); they share --threads and --memory");

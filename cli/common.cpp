@@ -25,11 +25,6 @@ constexpr std::pair<std::string_view, ProgressMode> kProgressModes[] = {{"auto",
                                                                         {"json", ProgressMode::kJson},
                                                                         {"none", ProgressMode::kNone}};
 
-std::string parse_output(std::string_view text) {
-  if (text.empty()) throw Error(ErrorKind::kUsage, "", "the name is empty");
-  return std::string(text);
-}
-
 /// Names out of a file may be no UTF-8.
 std::string json_text(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
@@ -108,14 +103,18 @@ void check_paths_differ(Context& context, const std::vector<std::string>& inputs
   context.paths_differ = true;
 }
 
+std::string parse_path(std::string_view text) {
+  if (text.empty()) throw Error(ErrorKind::kUsage, "", "the name is empty");
+  return std::string(text);
+}
+
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
                     std::function<void()> work) {
   CLI::App* stage = app.add_subcommand(text.name, text.summary);
   stage->footer("Example: " + text.example);
   const auto group = [](CLI::Option* option) { option->group("Common options"); };
   if (common_options & kWithOutput) {
-    group(
-        add_parsed(*stage, "-o,--output", context.output, parse_output, "FILE", "what to write")->required());
+    group(add_parsed(*stage, "-o,--output", context.output, parse_path, "FILE", "what to write")->required());
   }
   if (common_options & (kWithOutput | kWithReport))
     group(stage->add_flag("-f,--force", context.force, "overwrite what is there"));
@@ -126,12 +125,11 @@ CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsi
                            "RBVH_DEVICE, else the first CPU)")
               ->type_name("NAME"));
   if (common_options & kWithReport)
-    group(add_parsed(*stage, "--report", context.report_path, parse_output, "FILE",
+    group(add_parsed(*stage, "--report", context.report_path, parse_path, "FILE",
                      "write timings, counts, bytes, device and version as JSON"));
   group(stage->add_flag("-q,--quiet", context.quiet, "say nothing but errors"));
   group(stage->add_flag("-v,--verbose", context.verbose, "say more"));
-  group(
-      add_parsed(*stage, "--log", context.log_path, parse_output, "FILE", "append all messages, with times"));
+  group(add_parsed(*stage, "--log", context.log_path, parse_path, "FILE", "append all messages, with times"));
   group(add_parsed(*stage, "--threads", context.threads, parse_positive, "N", "host threads (default: all)"));
   group(add_parsed(*stage, "--memory", context.memory.bytes, parse_bytes, "SIZE",
                    "give up (exit 5) rather than need more, e.g. 2G (default: what the machine has)"));

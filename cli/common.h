@@ -92,6 +92,9 @@ CLI::Option* add_parsed(CLI::App& stage, const std::string& name, Target& target
       ->type_name(value_name);
 }
 
+/// The name of a file, which is not empty.
+std::string parse_path(std::string_view text);
+
 /// Throws Error(kUsage) where one of the options was given: "FILE: --option is for ...".
 void refuse_options(const std::vector<const CLI::Option*>& options, const std::string& file,
                     const std::string& why);

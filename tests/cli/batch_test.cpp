@@ -125,6 +125,25 @@ TEST_F(Batch, ReplacesOnlyWhatItWrote) {
   EXPECT_EQ(read("out/a.ply"), "edited");
 }
 
+TEST_F(Batch, NoTwoOutputsAreOneFile) {
+  write("scans/a-lod.ply", ball_ply(4));
+  write("lod.json", R"({"steps": [{"stage": "build"}, {"stage": "lod", "options": ["--levels", "Q4"]}]})");
+  bad("batch scans -o out --chain lod.json -f", 2, "a-lod.rbvh, which is of ");
+  bad("batch scans -o scans --chain quick.json -f", 2, "a.ply, which is the scan");
+}
+
+TEST_F(Batch, FilesThatOptionsNameAreWatched) {
+  write("sky.json", R"({"cameras": [{"azimuth_angle": 10}]})");
+  write("picture.json", R"({"steps": [{"stage": "render", "options": ["--cameras=sky.json", "--quick",
+    "--resolution", "16,16"]}]})");
+  EXPECT_EQ(run("scans -o out --chain picture.json"), 0);
+  EXPECT_EQ(run("scans -o out --chain picture.json"), 0);
+  EXPECT_EQ(counts(), "0 3 0");
+  write("sky.json", R"({"cameras": [{"azimuth_angle": 90}]})");
+  EXPECT_EQ(run("scans -o out --chain picture.json"), 0);
+  EXPECT_EQ(counts(), "3 0 0");
+}
+
 TEST_F(Batch, ShardsAreTheWhole) {
   EXPECT_EQ(run("scans -o out --chain quick.json --shard 1/2"), 0);
   EXPECT_EQ(table("out/batch-1-of-2.json")["counts"]["scans"], 2);
@@ -175,7 +194,12 @@ TEST_F(Batch, ManifestsAreChecked) {
   refused(R"({"steps": [{"stage": "render"}, {"stage": "render", "name": "b"}]})",
           "two steps write {name}.png");
   refused(R"({"steps": [{"stage": "build", "options": ["-o", "x"]}]})", "-o is what the batch itself gives");
+  refused(R"({"steps": [{"stage": "ingest", "name": "../up"}]})", "'../up' is no name of a step");
+  refused(R"({"steps": [{"stage": "ingest", "name": "source"}]})", "'source' is no name of a step");
   bad("batch -o out", 2, "which scans?");
+  bad("batch scans -o out --chain ''", 2, "--chain");
+  std::filesystem::create_directories(path("empty"));
+  bad("batch empty -o out", 3, "no scan is there");
   bad("batch nowhere -o out2", 3, "no such file or folder");
 }
 
