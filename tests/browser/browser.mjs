@@ -121,6 +121,10 @@ class Page {
     await this.send("Input.dispatchKeyEvent", { type: "keyDown", key, text, ...more });
     await this.send("Input.dispatchKeyEvent", { type: "keyUp", key, ...more });
   }
+  /** Errors and warnings that the page made. */
+  async problems() {
+    return this.errors;
+  }
   close() {
     return this.browser.send("Target.closeTarget", { targetId: this.target });
   }

@@ -3,10 +3,12 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { decodePng, readNpy, writeNpy } from "./files.mjs";
+import { missingForFirefox } from "./firefox.mjs";
 import { SHOWN, path, tool } from "./fixtures.mjs";
 import { LEVEL, openReady } from "./pages.mjs";
 
-const RENDERERS = (process.env.RBVH_RENDERERS ?? "webgl2,hybrid,webgpu").split(",");
+/** Renderers, in Chromium or with "@firefox" in Firefox. */
+const RENDERERS = (process.env.RBVH_RENDERERS ?? "webgl2,hybrid,webgpu,webgl2@firefox").split(",");
 const PIXELS = 256, RAYS = 1000;
 /**
  * Of pixels that may differ by more than two steps: where surfaces are equally near, as a cloud's tiles are that
@@ -33,13 +35,15 @@ function fixedRays() {
   return rays;
 }
 
-for (const renderer of RENDERERS)
+for (const which of RENDERERS)
   for (const { name, layer } of SHOWN) {
-    test(`${renderer} finds the tracer's hits: ${name}`, async () => {
+    const [renderer, browser = "chromium"] = which.split("@"), missing = browser === "firefox" ? missingForFirefox() : "";
+    const skip = missing ? `${missing} is missing` : false, openIt = () => openReady(name, `?renderer=${renderer}`, 320, 320, browser);
+    test(`${which} finds the tracer's hits: ${name}`, { skip }, async () => {
       const rays = fixedRays();
       writeNpy(path("rays.npy"), rays, 6);
       tool("trace", path(`${name}.rbvh`), "--level", LEVEL, "--rays", path("rays.npy"), "-f", "-o", path("hits.npy"));
-      const wanted = readNpy(path("hits.npy")), page = await openReady(name, `?renderer=${renderer}`);
+      const wanted = readNpy(path("hits.npy")), page = await openIt();
       const found = await page.evaluate(`rbvh.castRays(new Float32Array([${Array.from(rays)}])).then((hits) =>
         Array.from(hits, (v) => (Number.isFinite(v) ? v : 1e30)))`);
       let hits = 0, onLines = 0;
@@ -55,17 +59,16 @@ for (const renderer of RENDERERS)
       }
       assert.ok(onLines <= MOST_ON_LINES, `the flags of ${onLines} rays`);
       assert.ok(hits > RAYS / 2 && hits < RAYS, `${hits} hits`);
-      assert.deepEqual(page.errors, []);
+      assert.deepEqual(await page.problems(), []);
       await page.close();
     });
 
-    // A layer has the viewer's own colours, which are not those of render's colour maps.
-    test(`${renderer} draws what render draws: ${name}`, { skip: layer ? "layers have colours of the viewer's own" : false }, async () => {
+    test(`${which} draws what render draws: ${name}`, { skip }, async (t) => {
       const triple = (v) => v.join(",");
       tool("render", path(`${name}.rbvh`), "--quick", "--level", LEVEL, "--resolution", `${PIXELS},${PIXELS}`, "--up", "+Y",
            "--camera-position", triple(CAMERA.position), "--camera-focal-point", triple(CAMERA.focalPoint),
            ...(layer ? ["--color-layer", layer] : []), "-f", "-o", path("wanted.png"));
-      const wanted = decodePng(readFileSync(path("wanted.png"))), page = await openReady(name, `?renderer=${renderer}`);
+      const wanted = decodePng(readFileSync(path("wanted.png"))), page = await openIt();
       await page.evaluate(`rbvh.setLayer(${JSON.stringify(layer)})`);
       const text = await page.evaluate(`(async () => {
         rbvh.meta.up.splice(0, 3, 0, 1, 0);
@@ -84,9 +87,10 @@ for (const renderer of RENDERERS)
         lit += mine[4 * i + 3] > 0;
         bright += mine[4 * i] + mine[4 * i + 1] + mine[4 * i + 2] > 60;
       }
+      t.diagnostic(`${different} pixels differ`);
       assert.ok(lit > 0.1 * PIXELS * PIXELS && bright > 0.9 * lit, `${lit} pixels, ${bright} of them bright`);
       assert.ok(different <= mostDifferent(renderer, name) * PIXELS * PIXELS, `${different} pixels differ`);
-      assert.deepEqual(page.errors, []);
+      assert.deepEqual(await page.problems(), []);
       await page.close();
     });
   }

@@ -1,5 +1,5 @@
 // Pages of `rbvh view` in headless Chromium: node --test viewer_test.mjs
-// RBVH_TOOL: the tool. RBVH_RENDERERS: those whose hits are compared, with commas between.
+// RBVH_TOOL: the tool. RBVH_RENDERERS: those whose hits are compared, as in hits.mjs.
 import { after, before } from "node:test";
 import { makePages, removeFolder } from "./fixtures.mjs";
 import { closeBrowsers } from "./pages.mjs";

@@ -192,7 +192,7 @@ function expose(viewer: Viewer, ui: Ui, decoded: Promise<void>[], chooseRenderer
         out.set(hits.subarray(HIT_WORDS * i, HIT_WORDS * i + 8), 8 * i);
       return out;
     },
-    /** The look of `rbvh render`: sRGB, straight alpha, row by row from the top. */
+    /** The look of `rbvh render --quick`: sRGB, straight alpha, row by row from the top. */
     async render(width: number, height: number, samples = 4): Promise<ImageData> {
       return new ImageData((await viewer.render(width, height, samples)) as Uint8ClampedArray<ArrayBuffer>, width, height);
     },

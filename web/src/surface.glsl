@@ -31,12 +31,19 @@ vec3 texelColor(uint at) {
   return toLinear(vec3(float(c >> 11) / 31.0, float((c >> 5) & 63u) / 63.0, float(c & 31u) / 31.0));
 }
 
-// Dark blue, teal, green, yellow.
+// Viridis as pipeline/render/color_map.cpp has it: a polynomial, in sRGB.
+const vec3 VIRIDIS[7] = vec3[7](
+  vec3(0.2777273, 0.0054073, 0.3340998),
+  vec3(0.105093, 1.4046135, 1.3845902),
+  vec3(-0.3308618, 0.2148476, 0.0950952),
+  vec3(-4.6342305, -5.799101, -19.332441),
+  vec3(6.2282699, 14.1799334, 56.6905526),
+  vec3(4.776385, -13.7451454, -65.3530326),
+  vec3(-5.4354559, 4.6458526, 26.3124352));
 vec3 ramp(float t) {
-  float at = clamp(t, 0.0, 1.0) * 4.0;
-  vec3 a = vec3(0.267, 0.005, 0.329), b = vec3(0.231, 0.322, 0.545), c = vec3(0.129, 0.569, 0.549),
-       d = vec3(0.369, 0.788, 0.384), e = vec3(0.993, 0.906, 0.144);
-  return at < 1.0 ? mix(a, b, at) : at < 2.0 ? mix(b, c, at - 1.0) : at < 3.0 ? mix(c, d, at - 2.0) : mix(d, e, at - 3.0);
+  vec3 c = vec3(0.0);
+  for (int i = 6; i >= 0; --i) c = c * t + VIRIDIS[i];
+  return toLinear(clamp(c, 0.0, 1.0));
 }
 
 uint layerCode(uint at) { return texelFetch(layerValues, ivec2(at & 4095u, at >> 12), 0).x; }

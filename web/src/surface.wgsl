@@ -17,12 +17,19 @@ fn texelColor(at: u32) -> vec3f {
   let c = half_(u.colors, at);
   return toLinear(vec3f(f32(c >> 11u) / 31.0, f32((c >> 5u) & 63u) / 63.0, f32(c & 31u) / 31.0));
 }
+// Viridis, a polynomial in sRGB.
 fn ramp(t: f32) -> vec3f {
-  var stops = array<vec3f, 5>(vec3f(0.267, 0.005, 0.329), vec3f(0.231, 0.322, 0.545), vec3f(0.129, 0.569, 0.549),
-                              vec3f(0.369, 0.788, 0.384), vec3f(0.993, 0.906, 0.144));
-  let at = clamp(t, 0.0, 1.0) * 4.0;
-  let i = min(u32(at), 3u);
-  return mix(stops[i], stops[i + 1u], at - f32(i));
+  var powers = array<vec3f, 7>(
+    vec3f(0.2777273, 0.0054073, 0.3340998),
+    vec3f(0.105093, 1.4046135, 1.3845902),
+    vec3f(-0.3308618, 0.2148476, 0.0950952),
+    vec3f(-4.6342305, -5.799101, -19.332441),
+    vec3f(6.2282699, 14.1799334, 56.6905526),
+    vec3f(4.776385, -13.7451454, -65.3530326),
+    vec3f(-5.4354559, 4.6458526, 26.3124352));
+  var c = vec3f(0);
+  for (var i = 6; i >= 0; i--) { c = c * t + powers[i]; }
+  return toLinear(clamp(c, vec3f(0), vec3f(1)));
 }
 
 fn layerAt(leaf: u32, p: vec3f) -> vec4f {

@@ -161,7 +161,7 @@ export class Viewer {
 
   // --- what scripts ask for
 
-  /** The look of `rbvh render`: straight alpha, row by row from the top. */
+  /** The look of `rbvh render --quick`: straight alpha, row by row from the top. */
   render(width: number, height: number, samples = 4): Promise<Uint8ClampedArray> {
     return this.exclusive(async () => {
       const renderer = this.renderer_;
