@@ -1,0 +1,12 @@
+# Sets OUT to C++ raw strings that make up TEXT, cut to stay under compilers' limit for one literal.
+function(to_raw_strings OUT TEXT)
+  string(LENGTH "${TEXT}" length)
+  set(pieces "\"\"")
+  set(at 0)
+  while(at LESS length)
+    string(SUBSTRING "${TEXT}" ${at} 8000 piece)
+    string(APPEND pieces "\n    R\"RAWTEXT(${piece})RAWTEXT\"")
+    math(EXPR at "${at} + 8000")
+  endwhile()
+  set(${OUT} "${pieces}" PARENT_SCOPE)
+endfunction()
