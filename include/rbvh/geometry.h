@@ -92,5 +92,7 @@ struct Bounds3 {
 using Bounds3f = Bounds3<float>;
 using Bounds3d = Bounds3<double>;
 
+inline Bounds3d to_double(const Bounds3f& b) { return {Vec3d(b.lo), Vec3d(b.hi)}; }
+
 }  // namespace rbvh
 #pragma GCC visibility pop

@@ -5,6 +5,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/base/parallel_for.h"
+#include "pipeline/light/a_trous.h"
 #include "pipeline/light/environment.h"
 
 namespace rbvh {
@@ -16,7 +17,6 @@ constexpr float kLeastAlbedo = 0.02f;
 constexpr float kDeviations = 3;  // of noise, that luminance may differ by
 constexpr float kNormalExponent = 64;
 constexpr float kDepth = 1;  // in units of the depth's own slope over the pixels between
-constexpr float kKernel[3] = {3.f / 8, 1.f / 4, 1.f / 16};  // of the B3 spline, by distance
 
 struct Lit {
   Vec3f light;
@@ -48,7 +48,7 @@ struct Filter {
     return least < 1e30f ? least : 0;
   }
 
-  Lit pixel(const std::vector<Lit>& in, std::ptrdiff_t x, std::ptrdiff_t y, int spacing) const {
+  Lit pixel(const std::vector<Lit>& in, std::ptrdiff_t x, std::ptrdiff_t y, std::ptrdiff_t spacing) const {
     const DenoiseGuide& own = guides[at(x, y)];
     const Lit& center = in[at(x, y)];
     const float luminance_scale = 1 / (kDeviations * std::sqrt(center.variance) + 1e-4f);
@@ -56,21 +56,18 @@ struct Filter {
         1 / (kDepth * slope(x, y) * static_cast<float>(spacing) * 2 + 1e-3f * own.depth);
     Lit sum;
     float weights = 0;
-    for (int dy = -2; dy <= 2; ++dy)
-      for (int dx = -2; dx <= 2; ++dx) {
-        const std::ptrdiff_t nx = x + dx * spacing, ny = y + dy * spacing;
-        if (nx < 0 || ny < 0 || nx >= width || ny >= height) continue;
-        const DenoiseGuide& other = guides[at(nx, ny)];
-        if (!is_seen(other)) continue;
-        const Lit& lit = in[at(nx, ny)];
-        const float apart = std::abs(luminance(lit.light) - luminance(center.light)) * luminance_scale +
-                            std::abs(other.depth - own.depth) * depth_scale;
-        const float w = kKernel[std::abs(dx)] * kKernel[std::abs(dy)] * std::exp(-apart) *
-                        std::pow(std::max(0.f, dot(own.normal, other.normal)), kNormalExponent);
-        sum.light = sum.light + lit.light * w;
-        sum.variance += lit.variance * w * w;
-        weights += w;
-      }
+    for_each_tap(width, height, x, y, spacing, [&](std::size_t tap, float spline) {
+      const DenoiseGuide& other = guides[tap];
+      if (!is_seen(other)) return;
+      const Lit& lit = in[tap];
+      const float apart = std::abs(luminance(lit.light) - luminance(center.light)) * luminance_scale +
+                          std::abs(other.depth - own.depth) * depth_scale;
+      const float w =
+          spline * std::exp(-apart) * std::pow(std::max(0.f, dot(own.normal, other.normal)), kNormalExponent);
+      sum.light = sum.light + lit.light * w;
+      sum.variance += lit.variance * w * w;
+      weights += w;
+    });
     if (!(weights > 0)) return center;
     return {sum.light * (1 / weights), sum.variance / (weights * weights)};
   }
@@ -96,8 +93,8 @@ void denoise(Image& color, std::vector<DenoiseGuide> guides) {
       for (std::size_t y = begin; y < end; ++y)
         for (std::size_t x = 0; x < width; ++x)
           if (is_seen(guides[y * width + x]))
-            next[y * width + x] =
-                filter.pixel(lit, static_cast<std::ptrdiff_t>(x), static_cast<std::ptrdiff_t>(y), 1 << step);
+            next[y * width + x] = filter.pixel(lit, static_cast<std::ptrdiff_t>(x),
+                                               static_cast<std::ptrdiff_t>(y), std::ptrdiff_t{1} << step);
     });
     std::swap(lit, next);
   }

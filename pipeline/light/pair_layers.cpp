@@ -2,6 +2,7 @@
 
 #include "pipeline/base/error.h"
 #include "pipeline/light/bake_layer.h"
+#include "pipeline/rbvh/check_rbvh.h"
 #include "pipeline/rbvh/layer_painting.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/trace/make_tracer.h"
@@ -30,10 +31,7 @@ std::vector<std::string> levels_of(const Asset& asset, const std::vector<std::st
 }  // namespace
 
 void check_layer_name(std::string_view name) {
-  const auto is_part = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-  };
-  if (name.empty() || name.size() > 32 || !std::all_of(name.begin(), name.end(), is_part))
+  if (!is_name(std::string(name)))
     throw Error(ErrorKind::kUsage, "",
                 "'" + std::string(name) + "' is no layer's name: 1 to 32 letters, digits, _ and -");
 }

@@ -8,6 +8,7 @@
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/stopwatch.h"
 #include "pipeline/base/vector_math.h"
+#include "pipeline/light/a_trous.h"
 #include "pipeline/light/path_wave.h"
 #include "pipeline/light/sobol.h"
 #include "pipeline/light/vertex.h"
@@ -92,7 +93,6 @@ void add_found(std::span<const Hit> blocked, const LightRays& cast, std::vector<
 /// One step of an edge-avoiding a-trous filter of `key` and `open`.
 void filter(const std::vector<Lighting>& in, std::vector<Lighting>& out, std::ptrdiff_t width,
             std::ptrdiff_t height, std::ptrdiff_t spacing, float pixel_angle) {
-  constexpr float kKernel[] = {3.f / 8, 1.f / 4, 1.f / 16};
   parallel_for(static_cast<std::size_t>(height), kRows, [&](std::size_t begin, std::size_t end) {
     for (auto y = static_cast<std::ptrdiff_t>(begin); y < static_cast<std::ptrdiff_t>(end); ++y)
       for (std::ptrdiff_t x = 0; x < width; ++x) {
@@ -103,20 +103,17 @@ void filter(const std::vector<Lighting>& in, std::vector<Lighting>& out, std::pt
         const float scale =
             1 / (own.depth * (kDepthSlope * pixel_angle * static_cast<float>(spacing) + kLeastDepth));
         float key = 0, open = 0, sum = 0;
-        for (std::ptrdiff_t dy = -2; dy <= 2; ++dy)
-          for (std::ptrdiff_t dx = -2; dx <= 2; ++dx) {
-            const std::ptrdiff_t nx = x + dx * spacing, ny = y + dy * spacing;
-            if (nx < 0 || ny < 0 || nx >= width || ny >= height) continue;
-            const Lighting& other = in[static_cast<std::size_t>(ny * width + nx)];
-            const float apart = std::abs(other.depth - own.depth) * scale,
-                        alike = dot(own.normal, other.normal);
-            if (!(other.count > 0) || !(apart < 1) || !(alike > 0)) continue;
-            const float a2 = alike * alike, a8 = a2 * a2 * a2 * a2;
-            const float w = kKernel[std::abs(dx)] * kKernel[std::abs(dy)] * (1 - apart) * a8;
-            key += other.key * w;
-            open += other.open * w;
-            sum += w;
-          }
+        for_each_tap(width, height, x, y, spacing, [&](std::size_t tap, float spline) {
+          const Lighting& other = in[tap];
+          const float apart = std::abs(other.depth - own.depth) * scale,
+                      alike = dot(own.normal, other.normal);
+          if (!(other.count > 0) || !(apart < 1) || !(alike > 0)) return;
+          const float a2 = alike * alike, a8 = a2 * a2 * a2 * a2;
+          const float w = spline * (1 - apart) * a8;
+          key += other.key * w;
+          open += other.open * w;
+          sum += w;
+        });
         if (!(sum > 0)) continue;
         out[i].key = key / sum;
         out[i].open = open / sum;

@@ -139,7 +139,7 @@ std::vector<ViewsFidelity> measure_views(const CastView& exact, std::span<const 
                                          const Bounds3f& bounds, const ViewsConfig& config,
                                          const Progress& progress,
                                          const std::function<void(const MeasuredView&)>& on_view) {
-  const Bounds3d box{static_cast<Vec3d>(bounds.lo), static_cast<Vec3d>(bounds.hi)};
+  const Bounds3d box = to_double(bounds);
   const std::vector<Camera> cameras = views_around(box, config.up_axis, config.views, 1);
   const float diagonal = bounds.diagonal();
   std::vector<ViewsFidelity> results(levels.size());

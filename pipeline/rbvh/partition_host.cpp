@@ -136,7 +136,7 @@ std::uint32_t split_in_two(const Partition& partition, References references, co
   if (request.by == SplitBy::kFirst) return request.first;
   const auto count = static_cast<std::uint32_t>(references.size());
   const Bounds3f own = node.bounds();
-  const Bounds3d box{Vec3d(own.lo), Vec3d(own.hi)};
+  const Bounds3d box = to_double(own);
   std::vector<GoesLeft> ways;
   if (node.objects.count == 2) {
     const std::uint32_t first = std::min(node.objects.ids[0], node.objects.ids[1]);

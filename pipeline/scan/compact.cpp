@@ -25,11 +25,7 @@ std::size_t keep_vertices(Scan& scan, std::span<const std::uint8_t> keep) {
   } else {
     keep_entries(scan.object_ids, keep);
   }
-  keep_entries(scan.positions, keep);
-  keep_entries(scan.normals, keep);
-  keep_entries(scan.radii, keep);
-  keep_entries(scan.colors, keep);
-  for (ScalarProperty& property : scan.properties) keep_entries(property.values, keep);
+  keep_vertex_entries(scan, keep);
   return lost;
 }
 

@@ -25,4 +25,14 @@ void keep_entries(std::vector<T>& values, std::span<const std::uint8_t> keep) {
   values.resize(to);
 }
 
+/// Keeps what belongs to the vertices with a non-zero `keep`; triangles stay as they are.
+template <class AnyScan>
+void keep_vertex_entries(AnyScan& scan, std::span<const std::uint8_t> keep) {
+  keep_entries(scan.positions, keep);
+  keep_entries(scan.normals, keep);
+  keep_entries(scan.radii, keep);
+  keep_entries(scan.colors, keep);
+  for (ScalarProperty& property : scan.properties) keep_entries(property.values, keep);
+}
+
 }  // namespace rbvh

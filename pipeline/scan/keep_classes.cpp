@@ -23,12 +23,8 @@ std::size_t keep_classes(RawScan& cloud, std::span<const std::uint8_t> classes, 
   }
   if (removed == keep.size())
     throw Error(ErrorKind::kInput, file, "no point is of a class that is asked for");
-  keep_entries(cloud.positions, keep);
-  keep_entries(cloud.normals, keep);
-  keep_entries(cloud.radii, keep);
-  keep_entries(cloud.colors, keep);
+  keep_vertex_entries(cloud, keep);
   keep_entries(cloud.object_ids, keep);
-  for (ScalarProperty& property : cloud.properties) keep_entries(property.values, keep);
   return removed;
 }
 

@@ -17,11 +17,10 @@ struct FrontTracer final : Tracer {
 
   explicit FrontTracer(std::unique_ptr<Tracer> all) : Tracer(all->device), of(std::move(all)) {}
 
-  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery query,
+  void intersect(const Buffer<Ray>& rays, const Buffer<Hit>& hits, std::size_t count, RayQuery /*query*/,
                  const Buffer<std::uint32_t>* steps) const override {
     // Any hit may be a back face's: the nearest are asked for, and gone past.
     of->intersect(rays, hits, count, RayQuery::kNearest, steps);
-    static_cast<void>(query);
     std::vector<Ray> asked(count);
     std::vector<Hit> found(count);
     hits.read(std::span(found));

@@ -190,7 +190,7 @@ Image beside(const Image& left, const Image& right) {
 void write_pictures(const Bench& bench, const Tracer& level, const Asset* twin, const LodResult& result) {
   if (bench.options.pictures.empty()) return;
   const Bounds3f& bounds = bench.asset.bounds;
-  const Bounds3d box{static_cast<Vec3d>(bounds.lo), static_cast<Vec3d>(bounds.hi)};
+  const Bounds3d box = to_double(bounds);
   const std::uint32_t side = bench.views.resolution;
   const Camera camera = views_around(box, bench.views.up_axis, bench.views.views, 1)[0];
   const CameraRays rays = camera_rays(camera, side, side);

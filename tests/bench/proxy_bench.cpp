@@ -285,7 +285,7 @@ void print_rows(const std::vector<Row>& rows) {
 }
 
 CameraRays make_camera(const Bounds3f& box, std::uint32_t resolution) {
-  Bounds3d bounds{static_cast<Vec3d>(box.lo), static_cast<Vec3d>(box.hi)};
+  Bounds3d bounds = to_double(box);
   return camera_rays(place_camera({}, bounds, {0, 1, 0}, 1), resolution, resolution);
 }
 

@@ -80,7 +80,7 @@ struct Rays {
 
 Rays make_rays(const Device& device, const Scan& scan, std::uint32_t resolution) {
   const Bounds3f box = bounds(scan);
-  const Camera camera = views_around(Bounds3d{Vec3d(box.lo), Vec3d(box.hi)}, {0, 1, 0}, 8, 1)[0];
+  const Camera camera = views_around(to_double(box), {0, 1, 0}, 8, 1)[0];
   Rays rays;
   rays.camera = camera_rays(camera, resolution, resolution);
   const std::vector<Ray> first = primary_rays(rays.camera);

@@ -103,7 +103,7 @@ TEST(TraceTile, FollowsABumpySphereFromOutsideAndInside) {
 
 TEST(TraceTile, BeamsAndSingleRaysAgree) {
   const Level level = build(bumpy_sphere(100), {{"Q", 1e6f, 0.85f, 45}}).levels[0];
-  const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
+  const Bounds3d box = to_double(level.bounds);
   const CameraRays camera =
       camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 203, 101);  // no multiple of 8
   std::vector<Ray> rays;
@@ -219,7 +219,7 @@ TEST(TraceTile, AMapToTheTileThatIsTooLargeDoesNotHang) {
   Level level = build(bumpy_sphere(20), {{"Q", 1e4f, 0.85f, 45}}).levels[0];
   for (RbvhLeaf& leaf : level.leaves)
     for (float& value : leaf.to_tile) value *= 1e15f;
-  const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
+  const Bounds3d box = to_double(level.bounds);
   const Device device = Device::open();
   const Buffer<Hit> hits(device, 64 * 64);
   make_tile_tracer(device, level)
@@ -379,7 +379,7 @@ Device checking_device() {
 
 /// What is thrown when rays, beams and pixels are traced, by each of them or by none; empty: nothing.
 std::string traced_out_of_bounds(const Device& device, const TileTracer& tracer, const Level& level) {
-  const Bounds3d box{Vec3d(level.bounds.lo), Vec3d(level.bounds.hi)};
+  const Bounds3d box = to_double(level.bounds);
   const CameraRays camera = camera_rays(views_around(box, {0, 0, 1}, 1, 1.0)[0], 32, 32);
   const Buffer<Hit> hits(device, 32 * 32);
   std::vector<Ray> rays;
