@@ -1,6 +1,4 @@
 // rbvh bake: light on the surface, kept in a layer.
-#include <memory>
-
 #include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/layer_options.h"
@@ -28,12 +26,12 @@ struct BakeOptions {
 
 int parse_rays(std::string_view text) { return parse_integer_between(text, 1, 1 << 20); }
 
-void run_bake(Context& context, BakeOptions& options) {
+void run_bake(Context& context, const BakeOptions& options) {
   check_paths_differ(context, {options.file, atlas_path(options.file)},
                      {context.output, atlas_path(context.output)});
   check_pair_output(context);
   check_is_pair(options.file);
-  LightOptions& light = options.light;
+  LightOptions light = options.light;
   if (options.baked == BakedLight::kOcclusion)
     refuse_for_occlusion(*options.stage);
   else
@@ -66,20 +64,17 @@ void run_bake(Context& context, BakeOptions& options) {
   }
   time_phase(context, "bake");
   context.report["counts"] = {{"texels", texels}, {"rays_a_texel", options.samples}};
-  const RbvhBytes bytes = write_rbvh(context.output, *pair.rbvh(), context.force);
-  time_phase(context, "write");
-  report_pair(context, context.output, bytes, "layer " + bake.name);
+  write_pair(context, context.output, *pair.rbvh(), "layer " + bake.name);
 }
 
 }  // namespace
 
 void add_bake(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<BakeOptions>();
-  CLI::App* stage = add_stage(
-      app, context,
-      {"bake", "Keep light in a layer of a pair",
-       "rbvh bake dragon.rbvh --layer irradiance --light sky --samples 256 -o lit.rbvh"},
-      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_bake(context, *options); });
+  const auto [stage, options] =
+      add_stage(app, context,
+                {"bake", "Keep light in a layer of a pair",
+                 "rbvh bake dragon.rbvh --layer irradiance --light sky --samples 256 -o lit.rbvh"},
+                kWithOutput | kWithDevice | kWithReport, run_bake);
   options->stage = stage;
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(*stage, "--layer", options->baked, parse_choice<kBaked>, "LAYER",

@@ -1,6 +1,5 @@
 // rbvh batch: a chain of stages over many scans.
 #include <filesystem>
-#include <memory>
 
 #include "batch/batch_table.h"
 #include "batch/run_batch.h"
@@ -74,12 +73,11 @@ void run_stage(Context& context, const BatchOptions& options) {
 }  // namespace
 
 void add_batch(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<BatchOptions>();
-  CLI::App* stage = add_stage(
-      app, context,
-      {"batch", "Run a chain of stages over many scans; what is up to date is left alone",
-       "rbvh batch scans/ -o out"},
-      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_stage(context, *options); });
+  const auto [stage, options] =
+      add_stage(app, context,
+                {"batch", "Run a chain of stages over many scans; what is up to date is left alone",
+                 "rbvh batch scans/ -o out"},
+                kWithOutput | kWithDevice | kWithReport, run_stage);
   stage->add_option("IN", options->inputs, "scans, folders of scans, patterns");
   add_parsed(*stage, "--chain", options->chain, parse_path, "FILE.json",
              "the steps, and scans (default: ingest, build, render)");

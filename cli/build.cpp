@@ -1,8 +1,4 @@
 // rbvh build: from an ingested scan to an .rbvh pair.
-#include <spdlog/fmt/fmt.h>
-
-#include <memory>
-
 #include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/layer_options.h"
@@ -47,8 +43,8 @@ std::optional<FocusWords> focus_words(const BuildOptions& options) {
   if (options.focus && options.focus_camera) refuse("--focus and --focus-camera: one of them is wanted");
   if (options.focus && !options.focus_radius) refuse("--focus: how far around it? Add --focus-radius");
   const bool is_given = options.focus || options.focus_camera;
-  if (options.focus_radius && !is_given) refuse("--focus-radius: around what? Add --focus or --focus-camera");
-  if (options.focus_level && !is_given) refuse("--focus-level: around what? Add --focus or --focus-camera");
+  if ((options.focus_radius || options.focus_level) && !is_given)
+    refuse("--focus-radius and --focus-level: around what? Add --focus or --focus-camera");
   if (!is_given) return {};
   return FocusWords{.point = options.focus ? *options.focus : *options.focus_camera,
                     .is_camera = options.focus_camera.has_value(),
@@ -77,19 +73,6 @@ auto with_file(const std::string& file, Work&& work) {
   } catch (const Error& error) {
     throw Error(error.kind(), input_name(file), error.what(), error.remedy());
   }
-}
-
-/// A pair that is larger than its scan is rarely what was wanted.
-void compare_sizes(Context& context, const std::string& file, std::uint64_t pair_bytes,
-                   std::uint64_t scan_bytes, std::size_t levels) {
-  const double ratio = static_cast<double>(pair_bytes) / static_cast<double>(scan_bytes);
-  context.report["bytes"]["scan"] = scan_bytes;
-  context.report["bytes"]["pair_to_scan"] = ratio;
-  if (pair_bytes <= scan_bytes) return;
-  note(context,
-       fmt::format("rbvh build: {} is {:.2f} times as large as {} ({}); build {} (--levels Q4, or --error)",
-                   context.output, ratio, input_name(file), format_bytes(scan_bytes),
-                   levels > 1 ? "fewer or coarser levels" : "a coarser level"));
 }
 
 void run_build(Context& context, const BuildOptions& options) {
@@ -135,30 +118,35 @@ void run_build(Context& context, const BuildOptions& options) {
     measure_and_store(device, rbvh, scan, options.views, context.memory, context.progress.callback());
   time_phase(context, "measure");
   rbvh.build_options = build_options_json(config, focus, options.layers);
-  const RbvhBytes bytes = write_rbvh(context.output, rbvh, context.force);
-  time_phase(context, "write");
+  const RbvhBytes bytes = write_pair(context, context.output, rbvh, counted(rbvh.levels.size(), "level"));
 
   auto& report = context.report;
   report["timings"].update(timings_json(timings));
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
-  report_pair(context, context.output, bytes, counted(rbvh.levels.size(), "level"));
   if (const std::string missed = missed_errors(rbvh); !missed.empty())
     note(context,
          "rbvh build: farther from the scan than asked for, rms of sampled points over the diagonal: " +
              missed);
-  compare_sizes(context, options.file, bytes.hierarchy + bytes.atlas, source.bytes, rbvh.levels.size());
+  const std::uint64_t pair_bytes = bytes.hierarchy + bytes.atlas;
+  report["bytes"]["scan"] = source.bytes;
+  report["bytes"]["pair_to_scan"] = static_cast<double>(pair_bytes) / static_cast<double>(source.bytes);
+  // A pair that is larger than its scan is rarely what was wanted.
+  if (pair_bytes > source.bytes)
+    note(context, "rbvh build: " + context.output + " is " +
+                      larger_than_text(pair_bytes, source.bytes, input_name(options.file)) + "; build " +
+                      (rbvh.levels.size() > 1 ? "fewer or coarser levels" : "a coarser level") +
+                      " (--levels Q4, or --error)");
 }
 
 }  // namespace
 
 void add_build(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<BuildOptions>();
+  const auto [stage, options] =
+      add_stage(app, context,
+                {"build", "Make an .rbvh pair of an ingested scan", "rbvh build dragon.ply -o dragon.rbvh"},
+                kWithOutput | kWithDevice | kWithReport, run_build);
   BuildConfig& config = options->config;
-  CLI::App* stage = add_stage(
-      app, context,
-      {"build", "Make an .rbvh pair of an ingested scan", "rbvh build dragon.ply -o dragon.rbvh"},
-      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_build(context, *options); });
   stage->add_option("FILE", options->file, "the scan, as ingest writes it (-: standard input)")->required();
   add_parsed(*stage, "--levels", options->levels, parse_wanted_levels, "Q0=1e-5,Q2",
              "which levels (default: all five), each with its own error or with one that you give: rms, as a "

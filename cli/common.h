@@ -13,12 +13,14 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
-#include "cli/progress.h"
+#include "io/progress_reporter.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/memory_budget.h"
 #include "pipeline/base/stopwatch.h"
@@ -70,6 +72,17 @@ void check_paths_differ(Context& context, const std::vector<std::string>& inputs
 /// Declares a stage. `work` runs after all options have been read, with threads, log and progress set up.
 CLI::App* add_stage(CLI::App& app, Context& context, const StageText& text, unsigned common_options,
                     std::function<void()> work);
+
+/// The same of a stage that has options of its own.
+template <class Options>
+std::pair<CLI::App*, std::shared_ptr<Options>> add_stage(CLI::App& app, Context& context,
+                                                         const StageText& text, unsigned common_options,
+                                                         void (*run)(Context&, const Options&)) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* stage =
+      add_stage(app, context, text, common_options, [&context, options, run] { run(context, *options); });
+  return {stage, options};
+}
 
 /// An option with one value, read by one of pipeline/base/words.h's functions (or its like). The target may
 /// be std::optional.

@@ -1,5 +1,4 @@
 // rbvh info: what a pair, a proxy, a scan or a scene holds.
-#include <memory>
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
@@ -27,11 +26,10 @@ void run_info(Context& context, const Options& options) {
 }  // namespace
 
 void add_info(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<Options>();
-  CLI::App* stage =
+  const auto [stage, options] =
       add_stage(app, context,
                 {"info", "Say what a pair, a proxy, a scan or a scene holds", "rbvh info dragon.rbvh --json"},
-                0, [&context, options] { run_info(context, *options); });
+                0, run_info);
   stage
       ->add_option("FILE", options->files,
                    ".rbvh pairs, proxies, scans (-: standard input) or scenes (.json)")

@@ -2,7 +2,6 @@
 #include "pipeline/scan/ingest.h"
 
 #include <filesystem>
-#include <memory>
 
 #include "cli/common.h"
 #include "cli/stages.h"
@@ -50,9 +49,11 @@ void state_units(RawScan& scan, const std::string& name, const std::string& unit
 }
 
 void check_extension(const std::string& output) {
-  const std::string extension = std::filesystem::path(output).extension().string();
-  for (const char* other : {".obj", ".stl", ".off", ".pcd", ".xyz", ".csv", ".txt", ".las", ".rbvh"})
-    if (extension == other) throw Error(ErrorKind::kUsage, output, "ingest writes PLY; name the output .ply");
+  std::string extension = std::filesystem::path(output).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (extension != ".ply" && (has_scan_extension(output) || extension == ".rbvh"))
+    throw Error(ErrorKind::kUsage, output, "ingest writes PLY; name the output .ply");
 }
 
 RawScan read_inputs(Context& context, const IngestOptions& options) {
@@ -93,13 +94,12 @@ void run_ingest(Context& context, const IngestOptions& options) {
 }  // namespace
 
 void add_ingest(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<IngestOptions>();
-  IngestConfig& config = options->config;
-  CLI::App* stage =
+  const auto [stage, options] =
       add_stage(app, context,
                 {"ingest", "Read, merge and clean scans (PLY OBJ STL OFF PCD PTX LAS glTF XYZ) into one PLY",
                  "rbvh ingest scan1.pcd scan2.pcd -o scan.ply"},
-                kWithOutput | kWithReport, [&context, options] { run_ingest(context, *options); });
+                kWithOutput | kWithReport, run_ingest);
+  IngestConfig& config = options->config;
   stage->add_option("IN", options->inputs, "scans; each becomes an object id; '-' is standard input")
       ->required();
   add_parsed(*stage, "--outliers", config.outliers, parse_outliers, "K,SIGMA",

@@ -2,7 +2,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <functional>
-#include <memory>
 #include <optional>
 
 #include "cli/asset_options.h"
@@ -108,12 +107,10 @@ void run_lod(Context& context, const LodOptions& options) {
 }  // namespace
 
 void add_lod(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<LodOptions>();
-  CLI::App* stage =
-      add_stage(app, context,
-                {"lod", "Make a smaller pair: fewer or coarser levels",
-                 "rbvh lod dragon.rbvh --max-bytes 2MB -o small.rbvh"},
-                kWithOutput | kWithDevice | kWithReport, [&context, options] { run_lod(context, *options); });
+  const auto [stage, options] = add_stage(app, context,
+                                          {"lod", "Make a smaller pair: fewer or coarser levels",
+                                           "rbvh lod dragon.rbvh --max-bytes 2MB -o small.rbvh"},
+                                          kWithOutput | kWithDevice | kWithReport, run_lod);
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(*stage, "--levels", options->levels, parse_list, "Q1,Q3",
              "keep these; one that is not there is derived from the finest");

@@ -2,7 +2,6 @@
 #include "rbvh/mesh.h"
 
 #include <filesystem>
-#include <memory>
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
@@ -53,12 +52,10 @@ void run_mesh(Context& context, const MeshOptions& options) {
 }  // namespace
 
 void add_mesh(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<MeshOptions>();
-  CLI::App* stage =
-      add_stage(app, context,
-                {"mesh", "Write a level as triangles or points (PLY, GLB)",
-                 "rbvh mesh dragon.rbvh --level Q2 -o dragon.glb"},
-                kWithOutput | kWithReport, [&context, options] { run_mesh(context, *options); });
+  const auto [stage, options] = add_stage(app, context,
+                                          {"mesh", "Write a level as triangles or points (PLY, GLB)",
+                                           "rbvh mesh dragon.rbvh --level Q2 -o dragon.glb"},
+                                          kWithOutput | kWithReport, run_mesh);
   stage->add_option("PAIR", options->file, "an .rbvh pair")->required();
   add_level_option(*stage, options->level, false);
 }

@@ -1,5 +1,4 @@
 // rbvh paint: writes values to a layer, at points on the surface or from a scan's vertices.
-#include <memory>
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
@@ -87,22 +86,19 @@ void run_paint(Context& context, const PaintOptions& options) {
                       std::to_string(paint.points.size()) +
                       " points paint nothing: further from the surface than --reach");
   time_phase(context, "paint");
-  const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
-  time_phase(context, "write");
   report["counts"] = {
       {"points", paint.points.size()}, {"missed", counts.points_missed}, {"texels", counts.texels}};
-  report_pair(context, output, bytes, "layer " + options.layer);
+  write_pair(context, output, rbvh, "layer " + options.layer);
 }
 
 }  // namespace
 
 void add_paint(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<PaintOptions>();
-  CLI::App* stage = add_stage(
+  const auto [stage, options] = add_stage(
       app, context,
       {"paint", "Write values to a layer of a pair: at points, or from a scan",
        "rbvh paint dragon.rbvh --layer wear --points p.npy --values v.npy --radius 0.01 -o painted.rbvh"},
-      kWithOutput | kWithDevice | kWithReport, [&context, options] { run_paint(context, *options); });
+      kWithOutput | kWithDevice | kWithReport, run_paint);
   stage->get_option("--output")
       ->required(false)
       ->description("the pair to write (default: FILE itself, with -f)");

@@ -13,6 +13,13 @@ void check_pair_output(const Context& context) {
   check_rbvh_output(context.output, context.force);
 }
 
+RbvhBytes write_pair(Context& context, const std::string& output, const Rbvh& rbvh, const std::string& what) {
+  const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
+  time_phase(context, "write");
+  report_pair(context, output, bytes, what);
+  return bytes;
+}
+
 void report_pair(Context& context, const std::string& output, const RbvhBytes& bytes,
                  const std::string& what) {
   context.report["bytes"] = {{"hierarchy", bytes.hierarchy}, {"atlas", bytes.atlas}};

@@ -11,6 +11,9 @@ namespace rbvh {
 /// Throws Error(kUsage) where --output is named as another kind of file, and as check_rbvh_output() does.
 void check_pair_output(const Context& context);
 
+/// Writes the pair and reports it.
+RbvhBytes write_pair(Context& context, const std::string& output, const Rbvh& rbvh, const std::string& what);
+
 /// Says that `output` was written and `what` it holds; its bytes go to the report.
 void report_pair(Context& context, const std::string& output, const RbvhBytes& bytes,
                  const std::string& what);

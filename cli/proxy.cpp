@@ -1,5 +1,4 @@
 // rbvh proxy: from a mesh to quads with a vector displacement map.
-#include <memory>
 #include <optional>
 
 #include "cli/common.h"
@@ -93,18 +92,18 @@ void run_proxy(Context& context, const ProxyOptions& options) {
 }  // namespace
 
 void add_proxy(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<ProxyOptions>();
-  CLI::App* stage =
+  const auto [stage, options] =
       add_stage(app, context,
                 {"proxy", "Make a proxy of a mesh: quads and a vector displacement map",
                  "rbvh proxy dragon.ply -o dragon.obj --patches 3000"},
-                kWithOutput | kWithReport, [&context, options] { run_proxy(context, *options); });
+                kWithOutput | kWithReport, run_proxy);
   stage
       ->add_option("FILE", options->file,
                    "a mesh of any ingest format; with --vdm an OBJ (-: standard input)")
       ->required();
-  const auto of_bakes = [&](const char* name, auto& target, auto parse, const char* value, const char* help) {
-    options->of_bakes.push_back(add_parsed(*stage, name, target, parse, value, help));
+  const auto of_bakes = [&stage = *stage, &options = *options](const char* name, auto& target, auto parse,
+                                                               const char* value, const char* help) {
+    options.of_bakes.push_back(add_parsed(stage, name, target, parse, value, help));
   };
   of_bakes("--patches", options->patches, parse_positive, "N",
            "at most this many patches (default: 3000, or with --max-error as few as it allows)");

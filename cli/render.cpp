@@ -19,7 +19,6 @@
 #include "pipeline/light/light_words.h"
 #include "pipeline/light/picture.h"
 #include "pipeline/measure/difference.h"
-#include "pipeline/render/edges.h"
 #include "pipeline/render/pixels.h"
 #include "pipeline/trace/trace_fronts.h"
 #include "rbvh/render.h"
@@ -56,12 +55,14 @@ void check_use(const RenderOptions& options) {
       (options.samples > 0 || !options.look.colored.name.empty() || !options.light.words.light.empty()))
     throw Error(ErrorKind::kUsage, "",
                 "--samples, --light and --color-layer are for shaded and lit pictures");
+  if (options.look.edges && kind_of(options.aov) == Image::Kind::kData)
+    throw Error(ErrorKind::kUsage, "", "--edges are drawn in colours; depth and position are data");
   check_proxy_options(options.proxies, options.files);
 }
 
 class Renderer {
  public:
-  Renderer(Context& context, RenderOptions& options) : context_(context), options_(options) {}
+  Renderer(Context& context, RenderOptions options) : context_(context), options_(std::move(options)) {}
 
   void run() {
     prepare();
@@ -142,8 +143,9 @@ class Renderer {
 
   // Words that no camera fits, before a device is opened.
   void check_words(const Asset& asset) const {
-    place_cameras(words_, 0, {static_cast<Vec3d>(asset.bounds.lo), static_cast<Vec3d>(asset.bounds.hi)},
-                  options_.camera.up.value_or(asset.up_axis()), 1);
+    for (const CameraWords& words : words_)
+      place_camera(less_shift(words, given_shift(asset, options_.shifted)), to_double(asset.bounds),
+                   options_.camera.up.value_or(asset.up_axis()), 1);
   }
 
   // Once for all levels of a file. Says from where it is seen where nobody said so.
@@ -195,13 +197,16 @@ class Renderer {
       time_phase(context_, "view");
     }
     const std::vector<Camera>& cameras = placed_.cameras;
+    const Resolution size = options_.camera.resolution;
     const std::string& bounce_level = options_.light.bounce_level;
     const PictureSubject subject{asset, level, bounce_level.empty() ? level : bounce_level, *tracers[0],
                                  secondary != nullptr ? *secondary : *tracers[0]};
     for (std::size_t frame = 0; frame < cameras.size(); ++frame) {
       progress(frame);
-      Image image = tracers.size() > 1 ? difference(asset, *tracers[0], *tracers[1], cameras[frame])
-                                       : picture(subject, cameras[frame]);
+      Image image = tracers.size() > 1
+                        ? render_difference(*tracers[0], *tracers[1], cameras[frame], size.width, size.height,
+                                            asset.bounds.diagonal(), differing_, &timings_)
+                        : picture(subject, cameras[frame]);
       context_.phase_watch.lap();
       const std::string name = output_name(asset, level, frame);
       sink_.add(name, std::move(image));
@@ -209,12 +214,6 @@ class Renderer {
       if (!sink_.is_one()) report_output(name);
     }
     report_proxies(context_, *tracers[0]);
-  }
-
-  Image difference(const Asset& asset, const Tracer& first, const Tracer& second, const Camera& camera) {
-    const Resolution size = options_.camera.resolution;
-    return render_difference(first, second, camera, size.width, size.height, asset.bounds.diagonal(),
-                             differing_, &timings_);
   }
 
   Image picture(const PictureSubject& subject, const Camera& camera) {
@@ -226,25 +225,16 @@ class Renderer {
     shown.samples = options_.samples;
     shown.up = static_cast<Vec3f>(placed_.up);
     shown.as_shown = !sink_.is_exr();
-    const Look& look = options_.look;
-    ValueColors values;
-    if (!look.colored.name.empty()) values = value_colors(asset, subject.level, look.colored);
-    shown.colors = values.colors;
-    Picture drawn =
-        draw_picture(subject, camera, shown, options_.light, timings_, context_.progress.callback());
+    Picture drawn = draw_picture(subject, camera, shown, options_.light, options_.look, timings_,
+                                 context_.progress.callback());
     if (drawn.path_samples > 0)
       context_.report["paths"] = {{"samples", drawn.path_samples}, {"noise", drawn.noise}};
-    if (shows_nothing(drawn.image))
+    if (drawn.is_empty)
       warn(context_, asset.path + ": nothing is in view; the object's bounds and shift are in rbvh info");
     if (options_.aov == Aov::kPosition)
       add_to_pixels(drawn.image, static_cast<Vec3f>(given_shift(asset, options_.shifted)));
-    if (look.edges) draw_edges(subject.primary, camera, drawn.image);
-    const Depicted depicted{asset, subject.level, placed_.up, look.colored.map, values.range};
-    if (drawn.image.channels.size() == 4) {
-      const std::string fault =
-          draw_texts(decorate(look.decoration, camera, depicted, drawn.image), look.font, drawn.image);
-      if (!fault.empty()) warn(context_, "pictures have no text: " + fault + "; name one with --font-file");
-    }
+    const std::string fault = draw_texts(drawn.texts, options_.look.font, drawn.image);
+    if (!fault.empty()) warn(context_, "pictures have no text: " + fault + "; name one with --font-file");
     return std::move(drawn.image);
   }
 
@@ -288,7 +278,7 @@ class Renderer {
   }
 
   Context& context_;
-  RenderOptions& options_;
+  RenderOptions options_;
   NameTemplate names_;
   std::set<std::string> names_taken_;
   PictureSink sink_;
@@ -301,15 +291,15 @@ class Renderer {
   std::uint64_t bytes_ = 0, differing_ = 0;  // differing_: pixels of compared pictures
 };
 
+void run_render(Context& context, const RenderOptions& options) { Renderer(context, options).run(); }
+
 }  // namespace
 
 void add_render(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<RenderOptions>();
-  CLI::App* stage = add_stage(app, context,
-                              {"render", "Ray cast previews of pairs, scans, proxies and scenes",
-                               "rbvh render dragon.rbvh -o '{name}-{level}.png' --level all"},
-                              kWithOutput | kWithDevice | kWithReport,
-                              [&context, options] { Renderer(context, *options).run(); });
+  const auto [stage, options] = add_stage(app, context,
+                                          {"render", "Ray cast previews of pairs, scans, proxies and scenes",
+                                           "rbvh render dragon.rbvh -o '{name}-{level}.png' --level all"},
+                                          kWithOutput | kWithDevice | kWithReport, run_render);
   options->stage = stage;
   stage->add_option("FILE", options->files, ".rbvh pairs, scans, proxies or scenes (.json)")->required();
   add_level_option(*stage, options->levels, true);

@@ -1,6 +1,5 @@
 // rbvh sample: reads a layer at points on the surface.
 #include <cmath>
-#include <memory>
 
 #include "cli/asset_options.h"
 #include "cli/common.h"
@@ -50,12 +49,11 @@ void run_sample(Context& context, const SampleOptions& options) {
 }  // namespace
 
 void add_sample(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<SampleOptions>();
-  CLI::App* stage = add_stage(app, context,
-                              {"sample", "Read a pair's layer at points on its surface",
-                               "rbvh sample dragon.rbvh --layer wear --points p.npy -o values.npy"},
-                              kWithOutput | kWithDevice | kWithReport,
-                              [&context, options] { run_sample(context, *options); });
+  const auto [stage, options] =
+      add_stage(app, context,
+                {"sample", "Read a pair's layer at points on its surface",
+                 "rbvh sample dragon.rbvh --layer wear --points p.npy -o values.npy"},
+                kWithOutput | kWithDevice | kWithReport, run_sample);
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(
       *stage, "--layer", options->layer, parse_name, "NAME",

@@ -22,7 +22,11 @@ namespace {
 
 constexpr std::size_t kRayColumns[] = {6, 8};
 
-double parse_cone(std::string_view text) { return parse_between(text, 0, 179); }
+double parse_cone(std::string_view text) {
+  const double degrees = parse_between(text, 0, 180);
+  if (degrees == 180) throw Error(ErrorKind::kUsage, "", "180 degrees are no cone");
+  return degrees;
+}
 
 struct TraceOptions {
   std::string file, rays;
@@ -104,12 +108,10 @@ void run_trace(Context& context, const TraceOptions& options) {
 }  // namespace
 
 void add_trace(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<TraceOptions>();
-  CLI::App* stage = add_stage(app, context,
-                              {"trace", "Cast rays from a .npy file, for scripts",
-                               "rbvh trace dragon.rbvh --rays rays.npy -o hits.npy"},
-                              kWithOutput | kWithDevice | kWithReport,
-                              [&context, options] { run_trace(context, *options); });
+  const auto [stage, options] = add_stage(app, context,
+                                          {"trace", "Cast rays from a .npy file, for scripts",
+                                           "rbvh trace dragon.rbvh --rays rays.npy -o hits.npy"},
+                                          kWithOutput | kWithDevice | kWithReport, run_trace);
   stage->add_option("FILE", options->file, "an .rbvh pair, a scan, a proxy or a scene (.json)")->required();
   stage
       ->add_option("--rays", options->rays,

@@ -1,6 +1,5 @@
 // rbvh validate: whether a file is whole, and how close a pair's levels are to the scan that they were made
 // of.
-#include <memory>
 #include <optional>
 
 #include "cli/asset_options.h"
@@ -96,11 +95,11 @@ void run_validate(Context& context, const ValidateOptions& options) {
 }  // namespace
 
 void add_validate(CLI::App& app, Context& context) {
-  const auto options = std::make_shared<ValidateOptions>();
-  CLI::App* stage = add_stage(app, context,
-                              {"validate", "Check a file; measure a pair or a proxy against its scan",
-                               "rbvh validate dragon.rbvh --against dragon.ply"},
-                              kWithDevice, [&context, options] { run_validate(context, *options); });
+  const auto [stage, options] =
+      add_stage(app, context,
+                {"validate", "Check a file; measure a pair or a proxy against its scan",
+                 "rbvh validate dragon.rbvh --against dragon.ply"},
+                kWithDevice, run_validate);
   stage
       ->add_option("FILE", options->files,
                    ".rbvh pairs, proxies, scans (-: standard input) or scenes (.json)")

@@ -108,6 +108,11 @@ std::string missed_errors(const Rbvh& rbvh) {
   return missed;
 }
 
+std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const std::string& other) {
+  return fmt::format("{:.2f} times as large as {} ({})",
+                     static_cast<double>(bytes) / static_cast<double>(others), other, format_bytes(others));
+}
+
 std::string joined_tiles_text(const LevelMeshCounts& counts) {
   if (counts.tile_quads == 0) return {};
   return fmt::format("tiles: {} quads, {} of them trimmed; gaps: {} vertices welded, {} triangles added",

@@ -33,6 +33,9 @@ std::string distance_text(const nlohmann::ordered_json& distance);
 /// tiles and of clouds may.
 std::string missed_errors(const Rbvh& rbvh);
 
+/// "1.25 times as large as dragon.ply (30 MB)".
+std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const std::string& other);
+
 /// What became of a level's tiles; empty where it has none.
 std::string joined_tiles_text(const LevelMeshCounts& counts);
 

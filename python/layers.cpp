@@ -60,6 +60,7 @@ std::map<std::string, std::uint64_t> bake(PyAsset& self, const std::string& what
     throw rbvh::Error(rbvh::ErrorKind::kUsage, "", "'" + what + "' is none of ao, sky, irradiance");
   if (light != "sky" && light != "sun" && light != "white")
     throw rbvh::Error(rbvh::ErrorKind::kUsage, "", "light: '" + light + "' is none of white, sky, sun");
+  if (distance != 0 && what != "ao") throw rbvh::Error(rbvh::ErrorKind::kUsage, "", "distance: is for ao");
   if (samples < 1) throw rbvh::Error(rbvh::ErrorKind::kUsage, "", "samples: at least 1 is wanted");
   const auto up = static_cast<rbvh::Vec3f>(self.asset.up_axis());
   rbvh::PathConfig config;

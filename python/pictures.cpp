@@ -35,7 +35,7 @@ rbvh::Image draw(PyAsset& self, const Picture& wanted) {
   const rbvh::Asset& asset = self.asset;
   const rbvh::Tracer& tracer = self.tracer(wanted.level);
   const rbvh::RenderConfig& shown = wanted.config;
-  const rbvh::Bounds3d box{rbvh::Vec3d(asset.bounds.lo), rbvh::Vec3d(asset.bounds.hi)};
+  const rbvh::Bounds3d box = rbvh::to_double(asset.bounds);
   const rbvh::Camera camera =
       rbvh::place_camera(wanted.words, box, wanted.up, static_cast<double>(shown.width) / shown.height);
   const bool is_lit = rbvh::is_of_light(shown.aov) || !wanted.light.empty();
@@ -74,6 +74,18 @@ py::object array_of(const rbvh::Image& image, rbvh::Aov aov, const rbvh::Vec3d& 
   return array;
 }
 
+/// What the picture asked for would ignore.
+void check_use(rbvh::Aov aov, const std::string& light, int samples, bool ground, bool denoise) {
+  const bool is_lit = rbvh::is_of_light(aov) || !light.empty();
+  const auto refuse = [](const char* word, const char* why) {
+    throw rbvh::Error(rbvh::ErrorKind::kUsage, "", std::string(word) + ": is for " + why);
+  };
+  if (!light.empty() && aov != rbvh::Aov::kShaded && !rbvh::is_of_light(aov)) refuse("light", "lit pictures");
+  if (samples > 0 && aov != rbvh::Aov::kShaded && !is_lit) refuse("samples", "shaded and lit pictures");
+  if (ground && !is_lit) refuse("ground", "lit pictures; give light");
+  if (denoise && !is_lit) refuse("denoise", "lit pictures; give light");
+}
+
 py::object render(PyAsset& self, std::array<std::uint32_t, 2> resolution, const std::string& aov,
                   const std::string& level, const Triple& position, const Triple& focal_point,
                   const Triple& view_up, std::optional<double> view_angle, std::optional<double> azimuth,
@@ -88,6 +100,7 @@ py::object render(PyAsset& self, std::array<std::uint32_t, 2> resolution, const 
   if (resolution[0] < 1 || resolution[1] < 1 || resolution[0] > kLargest || resolution[1] > kLargest ||
       samples < 0)
     throw rbvh::Error(rbvh::ErrorKind::kUsage, "", "resolution: width and height from 1 to 65536 are wanted");
+  check_use(*found, light, samples, ground, denoise);
   const rbvh::Vec3d shift = rbvh::shift(self.asset);
   Picture wanted;
   wanted.words = {vector_of(position, shift),
@@ -154,19 +167,19 @@ void add_pictures(py::module_& module, AssetClass& asset) {
 pixels: (H, W) or (H, W, 1, 3 or 4), row 0 on top; uint8 as it is to be shown.)");
   using py::arg;
   const auto none = py::none();
-  asset.def("render", &render, py::kw_only(), arg("resolution") = std::array<std::uint32_t, 2>{1024, 1024},
-            arg("aov") = "shaded", arg("level") = "", arg("position") = none, arg("focal_point") = none,
-            arg("view_up") = none, arg("view_angle") = none, arg("azimuth") = none, arg("elevation") = none,
-            arg("up") = none, arg("samples") = 0, arg("light") = "", arg("ground") = false,
-            arg("denoise") = false,
-            R"(A picture, as `rbvh render` makes it.
+  asset.def(
+      "render", &render, py::kw_only(), arg("resolution") = std::array<std::uint32_t, 2>{1024, 1024},
+      arg("aov") = "shaded", arg("level") = "", arg("position") = none, arg("focal_point") = none,
+      arg("view_up") = none, arg("view_angle") = none, arg("azimuth") = none, arg("elevation") = none,
+      arg("up") = none, arg("samples") = 0, arg("light") = "", arg("ground") = false, arg("denoise") = false,
+      R"(A picture, as `rbvh render --quick` makes it; from the three-quarter view where no camera is given.
 
 resolution: (width, height). level: of a pair; the finest by default.
 aov: "shaded", "normal", "depth", "position", "leaf", "steps"; of light "ao", "albedo", "shadow", "direct", "indirect".
 position, focal_point, view_up (3 numbers each), view_angle, azimuth, elevation (degrees): the camera, in f3d's
 words and the file's own coordinates; what is left out is chosen so that all is in view. up: what is up, 3 numbers.
 samples: rays a pixel. light: "studio", "headlight", "sky", "sun" or "white" for a path-traced picture, with
-ground (a plane below) and denoise.
+ground (a plane below) and denoise; without light they are refused.
 
 Returns (H, W, 4) uint8 (sRGB, straight alpha) for "shaded"; else (H, W) or (H, W, channels) float32, row 0 on
 top; "depth" is the distance from the camera in scan units, inf where nothing is hit; "position" is float64 where

@@ -168,9 +168,9 @@ The arrays are copied.)");
       "units", [](PyScan& self) { return self.scan().units; }, "as the file states them, or ''");
   scan.def("save", &save_scan, py::arg("path"), py::kw_only(), py::arg("overwrite") = false,
            "Writes binary PLY or, where the name ends in .glb, binary glTF.");
-  module.def(
-      "read", &read, py::arg("path"),
-      "Reads a scan of any format (PLY, OBJ, STL, OFF, PCD, PTX, LAS, XYZ) as it is: nothing is cleaned.");
+  module.def("read", &read, py::arg("path"),
+             "Reads a scan of any format (PLY, OBJ, STL, OFF, PCD, PTX, LAS, glTF, XYZ) as it is: nothing is "
+             "cleaned.");
 }
 
 }  // namespace rbvh_python

@@ -39,9 +39,8 @@ Camera place_camera(const CameraWords& words, const Bounds3d& bounds, Vec3d up_a
 /// `count` cameras, turned about the axis `up` through the focal point in equal steps; the first is `base`.
 std::vector<Camera> turntable(const Camera& base, Vec3d up, int count);
 
-/// place_camera() for each of `words`, in order; `turns` > 0: a turntable of so many cameras from each.
-std::vector<Camera> place_cameras(const std::vector<CameraWords>& words, int turns, const Bounds3d& bounds,
-                                  Vec3d up_axis, double aspect);
+/// Position and focal point less `shift`: from the file's coordinates to inner ones (rbvh/frame.h).
+CameraWords less_shift(CameraWords words, const Vec3d& shift);
 
 /// `count` cameras around an object, alternately 20 degrees above and below it, each with the object filling
 /// a frame of that aspect.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "rbvh/asset.h"
+#include "rbvh/device.h"
 #include "rbvh/image.h"
 
 #pragma GCC visibility push(default)
@@ -19,6 +20,9 @@ struct ViewConfig {
   /// Shown until scripts run, and where they cannot: a picture of the pair, with alpha.
   std::optional<Image> still{};
 };
+
+/// A still of 512 x 512 pixels, as ViewConfig wants it, from the three-quarter view.
+Image draw_still(const Device& device, const Asset& pair);
 
 struct ViewBytes {
   std::uint64_t page = 0;

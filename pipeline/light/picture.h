@@ -2,7 +2,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "pipeline/render/look.h"
 #include "rbvh/asset.h"
 #include "rbvh/light.h"
 
@@ -32,13 +34,17 @@ struct PictureSubject {
 
 struct Picture {
   Image image;
-  int path_samples = 0;  ///< paths a pixel that it took
-  double noise = 0;      ///< as PathPicture's
+  int path_samples = 0;       ///< paths a pixel that it took
+  double noise = 0;           ///< as PathPicture's
+  bool is_empty = false;      ///< nothing was in view
+  std::vector<Text> texts{};  ///< of the look, to be drawn by io/draw_text.h
 };
 
-/// Of the AOV that `shown` names. Where `shown.as_shown` is set, light goes through the filmic curve, too.
-/// Throws Error(kUsage) as render() and baked_layer().
-Picture draw_picture(const PictureSubject& subject, const Camera& camera, const RenderConfig& shown,
-                     const Lighting& lighting, RenderTimings& timings, const Progress& progress = {});
+/// Of the AOV that `shown` names, with `shown.up` up; its colours are the look's. Where `shown.as_shown` is
+/// set, light goes through the filmic curve, too. Throws Error(kUsage) as render(), baked_layer() and
+/// value_colors().
+Picture draw_picture(const PictureSubject& subject, const Camera& camera, RenderConfig shown,
+                     const Lighting& lighting, const Look& look, RenderTimings& timings,
+                     const Progress& progress = {});
 
 }  // namespace rbvh

@@ -142,19 +142,10 @@ std::vector<Camera> turntable(const Camera& base, Vec3d up, int count) {
   return cameras;
 }
 
-std::vector<Camera> place_cameras(const std::vector<CameraWords>& words, int turns, const Bounds3d& bounds,
-                                  Vec3d up_axis, double aspect) {
-  std::vector<Camera> cameras;
-  for (const CameraWords& w : words) {
-    const Camera camera = place_camera(w, bounds, up_axis, aspect);
-    if (turns <= 0) {
-      cameras.push_back(camera);
-      continue;
-    }
-    for (const Camera& turned : turntable(camera, w.view_up.value_or(up_axis), turns))
-      cameras.push_back(turned);
-  }
-  return cameras;
+CameraWords less_shift(CameraWords words, const Vec3d& shift) {
+  for (std::optional<Vec3d>* point : {&words.position, &words.focal_point})
+    if (*point) **point = **point - shift;
+  return words;
 }
 
 std::vector<Camera> views_around(const Bounds3d& bounds, Vec3d up_axis, int count, double aspect) {

@@ -168,10 +168,9 @@ PlacedCameras place_cameras(const Tracer& tracer, const Asset& asset, const Came
     placed.up = chosen->up;
     placed.text = chosen->text;
   }
-  const Bounds3d box{static_cast<Vec3d>(asset.bounds.lo), static_cast<Vec3d>(asset.bounds.hi)};
-  for (CameraWords words : request.words) {
-    for (std::optional<Vec3d>* point : {&words.position, &words.focal_point})
-      if (*point) **point = **point - request.shift;
+  const Bounds3d box = to_double(asset.bounds);
+  for (const CameraWords& given : request.words) {
+    CameraWords words = less_shift(given, request.shift);
     const Vec3d axis = words.view_up.value_or(placed.up);
     if (chosen && wants_view(words)) words = with_view(words, *chosen);
     const Camera camera = place_camera(words, box, placed.up, request.aspect);

@@ -243,6 +243,7 @@ TEST_F(Detail, OptionsThatMeanNothingAreRefusedOrSaid) {
   bad(render + "ball.ply --compare wide16,bvh-stack --samples 2", 2, "--samples");
   bad(trace + "ball.ply --cone 1", 2, "--cone");
   bad(trace + "ball.ply --level auto", 2, "--cone");
+  bad(trace + "ball.ply --level auto --cone 180", 2, "180");
   bad(trace + "ball.ply --level auto --cone 1", 2, "no pair");
   bad(trace + "a.rbvh --level all", 2, "one level");
   bad("sample a.rbvh --layer normal --points p.npy -o x.npy --level all", 2, "one level");
@@ -266,6 +267,7 @@ TEST_F(Detail, OptionsThatMeanNothingAreRefusedOrSaid) {
 TEST_F(Detail, PairsAreNamedAsSuch) {
   good("build ball.ply -o a.rbvh --levels Q4");
   bad("build a.rbvh -o x.rbvh", 3, "a.rbvh: is an .rbvh pair, and a scan is wanted");
+  bad("ingest ball.ply -o x.PTX", 2, "name the output .ply");
   bad("ingest a.rbvh -o x.ply", 3, "a.rbvh: is an .rbvh pair");
   write("huge.obj", "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nf 1 2 3\n");
   bad("build huge.obj -o x.rbvh", 3, "huge.obj: the scan's area is beyond");
@@ -333,6 +335,7 @@ TEST_F(Detail, RaysChooseTheirLevelByTheirWidth) {
   };
   const float fine = static_cast<float>(info("a.rbvh")["levels"][0]["leaves"].get<int>());
   EXPECT_LT(leaf("--level auto --cone 0"), fine);
+  EXPECT_GE(leaf("--level auto --cone 179.5"), fine) << "any cone short of half of all directions";
   EXPECT_GE(leaf("--level auto --cone 20"), fine) << "leaves of all levels are numbered through";
   bad("trace a.rbvh --rays rays.npy -o x.npy --level auto", 2, "--cone");
   bad("trace a.rbvh --rays rays.npy -o x.npy --cone 1", 2, "--cone");

@@ -44,6 +44,7 @@ TEST_F(Look, BackgroundsAreBehind) {
   EXPECT_EQ(own.pixels, blue.pixels);
   EXPECT_EQ(white.at(32, 32)[0], blue.at(32, 32)[0]);
   bad("render ball.ply -o x.png --background pink", 2, "--background");
+  bad("render ball.ply -o x.exr --aov depth --edges", 2, "--edges");
   bad("render ball.ply -o x.png --background 0,0,2", 2, "--background");
 }
 

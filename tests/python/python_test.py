@@ -264,6 +264,11 @@ class Demo(unittest.TestCase):
                 (lambda: rbvh.write_image("a.png", np.zeros(5)), "pixels", "usage"),
                 (lambda: rbvh.write_image("a.png", np.zeros((5, 5))), "exr", "usage"),
                 (lambda: self.scan.render(aov="beauty"), "beauty", "usage"),
+                (lambda: self.scan.render(ground=True), "ground", "usage"),
+                (lambda: self.scan.render(denoise=True), "denoise", "usage"),
+                (lambda: self.scan.render(aov="depth", samples=4), "samples", "usage"),
+                (lambda: self.scan.render(aov="normal", light="sky"), "light", "usage"),
+                (lambda: self.pair.bake("sky", distance=1), "distance", "usage"),
                 (lambda: rbvh.build(self.scan, levels=["Q9"]), "Q9", "usage"),
                 (lambda: self.scan.mesh(), "no .rbvh pair", "usage")):
             with self.assertRaisesRegex(rbvh.Error, re.escape(words)) as raised:

@@ -1,4 +1,4 @@
-#include "cli/progress.h"
+#include "io/progress_reporter.h"
 
 #include <unistd.h>
 
