@@ -53,7 +53,7 @@ static inline void add_disc(__global const RasterTile* tile, const TileFrame* fr
   const float3 normal = (float3)(dot(n, frame->u), dot(n, frame->v), dot(n, frame->w));
   const float support = max(reach * d.radius, d.radius + filter), color_support = max(d.radius, filter);
   const float facing = d.is_back || d.flat ? LAST : normal.z * normal.z;
-  const float2 slope = -d.lean * d.w_texels;
+  const float2 slope = -d.slope * d.w_texels;
   const int x0 = max(0, (int)ceil(d.center.x - support)),
             x1 = min((int)tile->width - 1, (int)floor(d.center.x + support)),
             y0 = max(0, (int)ceil(d.center.y - support)),

@@ -47,8 +47,8 @@ __kernel void tile_frame_extents(__global const Run* runs, uint run_count, __glo
     __global const float* s = shape + 9 * (size_t)references[i];
     if (is_disc) {
       const float4 p = load3(s, 0) - o;
-      const float lean = dot((float4)(s[4], s[5], s[6], 0.0f), w);
-      extents_add(&e, dot(p, u), dot(p, v), dot(p, w), s[3], s[3] * sqrt(max(0.0f, 1.0f - lean * lean)));
+      const float cosine = dot((float4)(s[4], s[5], s[6], 0.0f), w);
+      extents_add(&e, dot(p, u), dot(p, v), dot(p, w), s[3], s[3] * sqrt(max(0.0f, 1.0f - cosine * cosine)));
     } else {
       for (uint k = 0; k < 3; ++k) {
         const float4 p = load3(s, k) - o;

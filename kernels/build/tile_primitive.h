@@ -98,10 +98,10 @@ static inline float3 barycentric(const TileTriangle* t, float2 x) {
   return t->flat ? (float3)(1.0f / 3) : k / (k.x + k.y + k.z);
 }
 
-// Its plane is w = center.z - lean . (x - center); lengths in texels.
+// Its plane is w = center.z - slope . (x - center); lengths in texels.
 typedef struct {
   float4 center;
-  float2 lean;
+  float2 slope;
   float radius;    // texels
   float w_texels;  // fine quanta to texels
   int flat, is_back;
@@ -121,7 +121,7 @@ static inline TileDisc make_disc(__global const RasterTile* tile, __global const
   const float nw = dot(n, rw) / dot(rw, rw);
   d.is_back = nw < 0.0f;
   d.flat = fabs(nw) * length(rw) < 0.1f;  // steeper than 84 degrees
-  d.lean = d.flat ? (float2)(0.0f) : (float2)(dot(n, ru) / dot(ru, ru), dot(n, rv) / dot(rv, rv)) / nw;
+  d.slope = d.flat ? (float2)(0.0f) : (float2)(dot(n, ru) / dot(ru, ru), dot(n, rv) / dot(rv, rv)) / nw;
   return d;
 }
 
@@ -129,7 +129,7 @@ static inline TileDisc make_disc(__global const RasterTile* tile, __global const
 static inline Sample sample_disc(const TileDisc* d, float2 x, float dilation) {
   Sample s;
   const float2 step = x - d->center.xy;
-  const float rise = -dot(d->lean, step);
+  const float rise = -dot(d->slope, step);
   const float away = sqrt(dot(step, step) + rise * rise * d->w_texels * d->w_texels) - d->radius;
   s.w = d->center.z + rise;
   s.distance = away > 1.42f * dilation ? -1.0f : max(away, d->flat ? 0.5f : 0.0f);

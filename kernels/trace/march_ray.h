@@ -24,8 +24,8 @@ static ALWAYS_INLINE bool enter_tile(__global const RbvhTile* tile, const Prepar
   __global const float* m = tile->columns;
   const float4 mx = vload4(0, m), my = vload4(0, m + 3), mz = vload4(0, m + 6);
   const float4 ot = mx * o[0] + my * o[1] + mz * o[2] + (float4)(vload3(3, m), 0.0f);
-  const float4 lean = mx * d[0] + my * d[1] + mz * d[2];
-  const float4 dt = select(lean, copysign((float4)(1e-20f), lean), fabs(lean) < 1e-20f);
+  const float4 dm = mx * d[0] + my * d[1] + mz * d[2];
+  const float4 dt = select(dm, copysign((float4)(1e-20f), dm), fabs(dm) < 1e-20f);
   const float4 inverse = 1.0f / dt;
   // One quantum of room above: a level surface has no thickness, and rounding must not lose it.
   const float4 ta = ((float4)(0.0f, 0.0f, 0.0f, 0.0f) - ot) * inverse;
@@ -52,7 +52,7 @@ static ALWAYS_INLINE bool march(const Tree* tree, uint id, const PreparedRay* q,
   const int width = tile->width, height = tile->height;
   const bool along_u = fabs(r.d[0]) >= fabs(r.d[1]);
   const float o_major = along_u ? r.o[0] : r.o[1], toward = along_u ? r.d[0] : r.d[1];
-  // A ray along w crosses no line within the slab: lean it by less than a thousandth of a texel.
+  // A ray along w crosses no line within the slab: tilt it by less than a thousandth of a texel.
   const float d_major = copysign(max(fabs(toward), 1e-8f * fabs(r.d[2])), toward);
   const int n_major = along_u ? width : height;
   GridRay g;

@@ -23,7 +23,7 @@ struct Bvh {
 };
 
 /// What a leaf may hold, and what a visit costs. The costs are those that "kd-tree and BVH on mobile GPUs"
-/// (GRAPP 2019) found best: dear nodes make wide, shallow trees.
+/// (GRAPP 2019) found best: a high cost of nodes makes wide, shallow trees.
 struct BvhConfig {
   /// No leaf has more elements.
   std::uint32_t leaf_size = 1;

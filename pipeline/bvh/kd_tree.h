@@ -27,7 +27,7 @@ struct KdTree {
 };
 
 struct KdConfig {
-  /// As the source found best: dear nodes make wide, shallow trees.
+  /// As the source found best: a high cost of nodes makes wide, shallow trees.
   float traversal_cost = 3.0f;
   float intersection_cost = 1.5f;
   /// What a cut that leaves one side empty costs, of what it would otherwise.

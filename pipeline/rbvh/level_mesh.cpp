@@ -151,9 +151,9 @@ Scan cloud_of_level(const Level& level) {
         if (!is_inside) continue;
         surface.add_texel(leaf, frame, x, y);
         surface.add_object(node.first);
-        const double lean = std::abs(dot(Vec3d(surface.scan.normals.back()), outside));
+        const double cosine = std::abs(dot(Vec3d(surface.scan.normals.back()), outside));
         surface.scan.radii.push_back(static_cast<float>(
-            kDiscPerTexel * std::max(length(frame.u), length(frame.v)) / std::max(lean, 1 / kMostStretch)));
+            kDiscPerTexel * std::max(length(frame.u), length(frame.v)) / std::max(cosine, 1 / kMostStretch)));
       }
   }
   if (holds_discs(level)) surface.add_primitives();

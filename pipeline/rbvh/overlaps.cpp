@@ -33,7 +33,8 @@ Overlaps find_overlaps(const Partition& partition, const Primitives& primitives,
     total += n;
   }
   if (total > 0xffffffffu)
-    throw Error(ErrorKind::kBudget, "", "neighbouring tiles share more than 4 billion primitives; lower rho");
+    throw Error(ErrorKind::kBudget, "",
+                "neighbouring tiles share more than 4 billion primitives; a coarser level is wanted");
   overlaps.firsts.push_back(static_cast<std::uint32_t>(total));
   overlaps.primitives = Buffer<std::uint32_t>(device, std::max<std::uint64_t>(total, 1));
   find.run(count, job_group_size(device), device_boxes, device_queries, count, partition.references,

@@ -35,7 +35,8 @@ AtlasSize pack_tiles(std::span<RbvhLeaf* const> tiles) {
       x = shelf = 0;
     }
     if (y + leaf.height > 65535 || size.width > 65535)
-      throw Error(ErrorKind::kBudget, "", "a level's atlas is over 65535 texels wide or high; lower rho");
+      throw Error(ErrorKind::kBudget, "",
+                  "a level's atlas is over 65535 texels wide or high; a coarser level is wanted");
     leaf.x = static_cast<std::uint16_t>(x);
     leaf.y = static_cast<std::uint16_t>(y);
     x += leaf.width;

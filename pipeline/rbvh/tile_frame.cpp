@@ -159,7 +159,8 @@ void place_tiles(TileRaster& raster, const Runs& own, const std::vector<TileAxes
     tile.offset = static_cast<std::uint32_t>(raster.texel_count);
     raster.texel_count += static_cast<std::uint64_t>(tile.width) * tile.height;
     if (raster.texel_count > 0xffffffffu)
-      throw Error(ErrorKind::kBudget, "", "a level needs more than 4 billion texels; lower rho");
+      throw Error(ErrorKind::kBudget, "",
+                  "a level needs more than 4 billion texels; a coarser level is wanted");
   }
 }
 

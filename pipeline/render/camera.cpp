@@ -60,7 +60,7 @@ double fit_distance(const Corners& corners, Vec3d axis, Vec3d back, double slope
 
 // How far to slide along `axis`, at `distance`, for equal room on both sides of the picture.
 double fit_middle(const Corners& corners, Vec3d axis, Vec3d back, double distance) {
-  const auto lean = [&](double middle) {  // falls as the middle grows
+  const auto imbalance = [&](double middle) {  // falls as the middle grows
     double lo = std::numeric_limits<double>::infinity(), hi = -lo;
     for (const Vec3d& corner : corners) {
       const double slope = (dot(corner, axis) - middle) / (distance - dot(corner, back));
@@ -74,7 +74,7 @@ double fit_middle(const Corners& corners, Vec3d axis, Vec3d back, double distanc
     lo = std::min(lo, dot(corner, axis));
     hi = std::max(hi, dot(corner, axis));
   }
-  for (int i = 0; i < 60; ++i) (lean((lo + hi) / 2) > 0 ? lo : hi) = (lo + hi) / 2;
+  for (int i = 0; i < 60; ++i) (imbalance((lo + hi) / 2) > 0 ? lo : hi) = (lo + hi) / 2;
   return (lo + hi) / 2;
 }
 

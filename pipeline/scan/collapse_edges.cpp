@@ -61,7 +61,7 @@ class Collapse {
     length_weight_ = kLengthWeight * most_ / std::max(1e-30, static_cast<double>(box.diagonal()));
     list_triangles();
     add_faces();
-    find_rims();
+    find_feature_edges();
     stamps_.assign(at_.size(), 0);
     marks_.assign(at_.size(), 0);
     waits_for_.assign(at_.size(), {0, kNone});
@@ -150,7 +150,7 @@ class Collapse {
            static_cast<std::ptrdiff_t>(edge.size());
   }
 
-  /// Whether no edge at the vertex can be a rim, told without looking at each.
+  /// Whether no edge at the vertex can be a feature edge, told without looking at each.
   bool is_smooth(std::uint32_t v) {
     const auto mixed = [](std::uint64_t vertex) {
       vertex = (vertex + 1) * 0x9e3779b97f4a7c15u;
@@ -171,9 +171,9 @@ class Collapse {
     return around == 0;
   }
 
-  void find_rims() {
-    rim_of_.assign(at_.size(), kNone);
-    is_rim_.assign(at_.size(), 0);
+  void find_feature_edges() {
+    feature_of_.assign(at_.size(), kNone);
+    is_boundary_.assign(at_.size(), 0);
     for (std::uint32_t v = 0; v < at_.size(); ++v) {
       if (is_smooth(v)) continue;
       find_spokes(v);
@@ -181,9 +181,9 @@ class Collapse {
       for_each_edge([&](std::span<const Spoke> edge) {
         const bool inner = is_inner(edge);
         if (!inner) ++open;
-        if (v < edge.front().to && (!inner || is_sharp(v, edge))) add_rim(v, edge.front().to);
+        if (v < edge.front().to && (!inner || is_sharp(v, edge))) add_feature_edge(v, edge.front().to);
       });
-      if (open > 0) is_rim_[v] = 1;
+      if (open > 0) is_boundary_[v] = 1;
       if (open > 2) mesh_.stays[v] = 1;
     }
   }
@@ -199,25 +199,25 @@ class Collapse {
     return dot(normals_[i], normals_[j]) < static_cast<float>(kSharp) || differ(v) || differ(edge[0].to);
   }
 
-  void add_rim(std::uint32_t a, std::uint32_t b) {
+  void add_feature_edge(std::uint32_t a, std::uint32_t b) {
     const Vec3d along = at_[b] - at_[a];
     const double size = length(along);
     if (!(size > 0)) return;
     const Quadric line = line_quadric(along * (1 / size), at_[a], size);
-    for (const std::uint32_t v : {a, b}) rim(v) += line;
+    for (const std::uint32_t v : {a, b}) feature_quadric(v) += line;
   }
-  Quadric& rim(std::uint32_t v) {
-    if (rim_of_[v] == kNone) {
-      rim_of_[v] = static_cast<std::uint32_t>(rims_.size());
-      rims_.emplace_back();
+  Quadric& feature_quadric(std::uint32_t v) {
+    if (feature_of_[v] == kNone) {
+      feature_of_[v] = static_cast<std::uint32_t>(features_.size());
+      features_.emplace_back();
     }
-    return rims_[rim_of_[v]];
+    return features_[feature_of_[v]];
   }
 
   /// The squared error of drawing `from` onto `to`.
   double error_of(std::uint32_t from, std::uint32_t to) const {
     const double face = faces_[from].at(at_[to]);
-    return rim_of_[from] == kNone ? face : std::max(face, rims_[rim_of_[from]].at(at_[to]));
+    return feature_of_[from] == kNone ? face : std::max(face, features_[feature_of_[from]].at(at_[to]));
   }
 
   /// All its neighbours, each once.
@@ -241,7 +241,7 @@ class Collapse {
     if (mesh_.stays[v] != 0) return;
     find_neighbors(v);
     for (const std::uint32_t to : neighbors_) {
-      if (is_rim_[v] != 0 && is_rim_[to] == 0) continue;
+      if (is_boundary_[v] != 0 && is_boundary_[to] == 0) continue;
       if (const std::optional<Candidate> here = candidate(v, to)) candidates_.push_back(*here);
     }
   }
@@ -265,7 +265,7 @@ class Collapse {
   void update(std::uint32_t v, std::uint32_t from, std::uint32_t to) {
     const Candidate& best = waits_for_[v];
     if (best.to == kNone || best.to == from || best.to == to) return enqueue(v);
-    if (mesh_.stays[v] != 0 || (is_rim_[v] != 0 && is_rim_[to] == 0)) return;
+    if (mesh_.stays[v] != 0 || (is_boundary_[v] != 0 && is_boundary_[to] == 0)) return;
     const std::optional<Candidate> here = candidate(v, to);
     if (here && *here < best) wait_for(v, *here);
   }
@@ -283,7 +283,7 @@ class Collapse {
   }
 
   bool is_legal(std::uint32_t from, std::uint32_t to) {
-    // What both have as a neighbour must lie across a triangle of both; and a rim goes along its edge.
+    // What both have as a neighbour must lie across a triangle of both; and a boundary goes along its edge.
     find_neighbors(to);
     const std::uint32_t near_to = mark_;
     std::size_t shared = 0, there = 0, back = 0;
@@ -297,7 +297,7 @@ class Collapse {
       (t[(own + 1) % 3] == to ? there : back) += 1;
       apexes_.push_back(t[3 - own - c]);
     }
-    if (shared == 0 || (is_rim_[from] != 0 && there == back)) return false;
+    if (shared == 0 || (is_boundary_[from] != 0 && there == back)) return false;
     const std::size_t left = lists_[from].count + lists_[to].count - 2 * shared;
     if (left == 0 || left > std::max<std::size_t>(kMostTriangles, lists_[to].count)) return false;
     for (const std::uint32_t apex : apexes_) marks_[apex] = near_to - 1;  // older than near_to
@@ -354,9 +354,9 @@ class Collapse {
     wait_no_more(from);
     has_more_[to] = 1;
     faces_[to] += faces_[from];
-    if (rim_of_[from] != kNone) {
-      const Quadric own = rims_[rim_of_[from]];
-      rim(to) += own;
+    if (feature_of_[from] != kNone) {
+      const Quadric own = features_[feature_of_[from]];
+      feature_quadric(to) += own;
     }
     find_neighbors(to);
     const std::vector<std::uint32_t> changed = neighbors_;
@@ -383,9 +383,9 @@ class Collapse {
     }
   }
 
-  /// Moves a vertex to where its error is least, but for rims, which keep to the scan's.
+  /// Moves a vertex to where its error is least, but for those of feature edges, which keep to the scan's.
   void settle(std::uint32_t v) {
-    if (mesh_.stays[v] != 0 || rim_of_[v] != kNone) return;
+    if (mesh_.stays[v] != 0 || feature_of_[v] != kNone) return;
     const Quadric& q = faces_[v];
     const std::optional<Vec3d> p = q.least_near(at_[v], kPlaceWeight);
     if (!p || !(length(*p - at_[v]) < kMostMove * std::sqrt(most_)) || !(q.at(*p) < q.at(at_[v]))) return;
@@ -419,12 +419,12 @@ class Collapse {
   std::vector<std::uint32_t> arena_;
   std::vector<std::uint8_t> is_dead_;  ///< triangles
   std::vector<Vec3f> normals_;         ///< triangles' at first, unit
-  std::vector<Quadric> faces_, rims_;
-  std::vector<std::uint32_t> rim_of_;   ///< of each place its number among rims_, if any
-  std::vector<std::uint8_t> is_rim_;    ///< places at edges that not as many triangles pass both ways
-  std::vector<std::uint32_t> stamps_;   ///< steps with older ones are out of date
-  std::vector<Candidate> waits_for_;    ///< of each vertex: its step in the queue, if any
-  std::vector<std::uint8_t> has_more_;  ///< others were drawn onto it
+  std::vector<Quadric> faces_, features_;
+  std::vector<std::uint32_t> feature_of_;  ///< of each place its number among features_, if any
+  std::vector<std::uint8_t> is_boundary_;  ///< places at edges that not as many triangles pass both ways
+  std::vector<std::uint32_t> stamps_;      ///< steps with older ones are out of date
+  std::vector<Candidate> waits_for_;       ///< of each vertex: its step in the queue, if any
+  std::vector<std::uint8_t> has_more_;     ///< others were drawn onto it
   std::priority_queue<Step> queue_;
   // Of the vertex at hand:
   std::vector<std::uint32_t> marks_, neighbors_, apexes_;

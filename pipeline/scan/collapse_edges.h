@@ -1,7 +1,7 @@
 // Fewer triangles by edge collapse under quadric errors (Garland and Heckbert, "Surface Simplification Using
 // Quadric Error Metrics", SIGGRAPH 1997). Libraries' quadrics are sums of floats, whose rounding alone is
-// 2e-4 of the extent: more than fine levels' errors and thin parts. And the rims of thin parts need quadrics
-// of their own.
+// 2e-4 of the extent: more than fine levels' errors and thin parts. And the boundaries of thin parts need
+// quadrics of their own.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +21,9 @@ struct CollapseMesh {
 };
 
 /// Draws vertices onto neighbours until each further step would move the surface by more than `error` (scan
-/// units, about the rms distance over a vertex's triangles), or a rim by as much: edges of one triangle,
-/// those where attributes differ, and sharp ones of thin parts. The surface's topology stays: nothing comes
-/// apart, closes or vanishes. Deterministic.
+/// units, about the rms distance over a vertex's triangles), or a feature edge by as much: edges of one
+/// triangle, those where attributes differ, and sharp ones of thin parts. The surface's topology stays:
+/// nothing comes apart, closes or vanishes. Deterministic.
 void collapse_edges(CollapseMesh& mesh, float error);
 
 }  // namespace rbvh

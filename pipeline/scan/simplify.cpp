@@ -264,8 +264,8 @@ std::map<std::int32_t, std::vector<Triangle>> by_object(const Scan& scan,
   return objects;
 }
 
-/// Where more of the triangles are narrower than half a step's error, a finer step comes before it: rims that
-/// are round would go at once, as no edge there is sharp yet.
+/// Where more of the triangles are narrower than half a step's error, a finer step comes before it:
+/// boundaries that are round would go at once, as no edge there is sharp yet.
 constexpr double kMostNarrow = 1.0 / 64;
 constexpr float kNarrow = 0.5f, kFinerStep = 1.0f / 8;
 constexpr int kMostSteps = 6;
