@@ -63,6 +63,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_build(app, context);
   add_lod(app, context);
   add_mesh(app, context);
+  add_tiles(app, context);
   add_proxy(app, context);
   add_render(app, context);
   add_trace(app, context);
@@ -86,7 +87,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   } catch (const CLI::CallForHelp&) {
     print_data(app.help());
   } catch (const CLI::CallForVersion&) {
-    print_data(std::string("rbvh ") + RBVH_VERSION + "\n");
+    print_data("rbvh " RBVH_VERSION "\nbuilt with " RBVH_BUILT_WITH "\n");
   } catch (const CLI::Success&) {  // an option that was all that was wanted
   } catch (const CLI::ParseError& error) {
     for (const CLI::App* stage : app.get_subcommands())
@@ -112,7 +113,7 @@ int main(int argc, char** argv) {
   rbvh::Context context;
   CLI::App app("Scans to rasterized bounding volume hierarchies: ingest, build, render.", "rbvh");
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string(RBVH_VERSION));
+  app.set_version_flag("--version", RBVH_VERSION);
   app.footer("Options follow the stage's name. Example: rbvh build scan.ply -o scan.rbvh");
   ExitCode code = ExitCode::kOk;
   std::string what;

@@ -13,6 +13,7 @@ void add_ingest(CLI::App& app, Context& context);
 void add_build(CLI::App& app, Context& context);
 void add_lod(CLI::App& app, Context& context);
 void add_mesh(CLI::App& app, Context& context);
+void add_tiles(CLI::App& app, Context& context);
 void add_proxy(CLI::App& app, Context& context);
 void add_render(CLI::App& app, Context& context);
 void add_paint(CLI::App& app, Context& context);
