@@ -111,7 +111,10 @@ TEST_F(Usage, CamerasThatSeeNothingAreRefused) {
 }
 
 TEST_F(Usage, HelpAndVersionGoToStdout) {
-  EXPECT_EQ(tool("--version").out.substr(0, 5), "rbvh ");
+  const std::string version = tool("--version").out;
+  EXPECT_EQ(version.substr(0, 5), "rbvh ");
+  EXPECT_NE(version.find("PCL 1."), std::string::npos) << version;
+  EXPECT_EQ(version.find(" ,"), std::string::npos) << "a library without a version: " << version;
   EXPECT_NE(tool("--help").out.find("Example:"), std::string::npos);
   for (const char* stage : {"build", "proxy", "render", "trace", "info", "validate", "devices"}) {
     const ToolRun run = tool(std::string(stage) + " --help");
