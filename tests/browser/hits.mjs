@@ -11,10 +11,11 @@ import { LEVEL, openReady } from "./pages.mjs";
 const RENDERERS = (process.env.RBVH_RENDERERS ?? "webgl2,hybrid,webgpu,webgl2@firefox").split(",");
 const PIXELS = 256, RAYS = 1000;
 /**
- * Of pixels that may differ by more than two steps: where surfaces are equally near, as a cloud's tiles are that
- * overlap, and for the hybrid renderer along the outlines of surfaces and tiles, where rasterisers round.
+ * Of pixels that may differ by more than two steps: where rays graze a cloud's tiles at the line between two cells
+ * (the tool's own pictures and traced rays differ there as well), and for the hybrid renderer at triangles' edges,
+ * where rasterisers round.
  */
-const mostDifferent = (renderer, name) => (renderer === "hybrid" ? 0.01 : 0.001) + (name !== "cloud" ? 0 : renderer === "hybrid" ? 0.02 : 0.01);
+const mostDifferent = (renderer, name) => (name === "cloud" ? 0.006 : renderer === "hybrid" ? 0.003 : 0.0002);
 /** Of rays on a line between two cells of a tile, which has either one's normal. */
 const MOST_ON_LINES = 10;
 const CAMERA = { position: [2.6, 1.9, 4.2], focalPoint: [0, 0, 0], viewUp: [0, 1, 0], viewAngle: 30 };
@@ -37,7 +38,7 @@ function fixedRays() {
 
 for (const which of RENDERERS)
   for (const { name, layer } of SHOWN) {
-    const [renderer, browser = "chromium"] = which.split("@"), missing = browser === "firefox" ? missingForFirefox() : "";
+    const [renderer, browser] = which.split("@"), missing = browser === "firefox" ? missingForFirefox() : "";
     const skip = missing ? `${missing} is missing` : false, openIt = () => openReady(name, `?renderer=${renderer}`, 320, 320, browser);
     test(`${which} finds the tracer's hits: ${name}`, { skip }, async () => {
       const rays = fixedRays();

@@ -1,8 +1,9 @@
 // What people do with a page, and what it does where something is missing.
 import assert from "node:assert/strict";
-import { readFileSync, writeFileSync } from "node:fs";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { test } from "node:test";
-import { path } from "./fixtures.mjs";
+import { decodePng } from "./files.mjs";
+import { folder, path } from "./fixtures.mjs";
 import { open, openReady } from "./pages.mjs";
 
 const sub = (a, b) => a.map((v, i) => v - b[i]), length = (v) => Math.hypot(...v), degrees = (r) => (180 * r) / Math.PI;
@@ -134,13 +135,126 @@ test("without WebGL2 and WebGPU there is the thumbnail, and a sentence", async (
   await page.close();
 });
 
+test("without WebGL2, WebGPU draws", async () => {
+  const page = await open("color", "", 320, 320, (page) => page.send("Page.addScriptToEvaluateOnNewDocument",
+    { source: "const get = HTMLCanvasElement.prototype.getContext; HTMLCanvasElement.prototype.getContext = function (name) { return name === 'webgl2' ? null : get.call(this, name); };" }), "webgpu");
+  await page.until("window.rbvh?.viewer.firstPicture > 0", 120);
+  assert.equal(await page.evaluate("rbvh.stats().renderer"), "webgpu");
+  await page.close();
+});
+
+test("the thumbnail is there where scripts are off", async () => {
+  const page = await open("tiles", "", 360, 480, (page) => page.send("Emulation.setScriptExecutionDisabled", { value: true }));
+  let colors = 0;
+  for (const end = Date.now() + 60000; colors < 100 && Date.now() < end; await new Promise((next) => setTimeout(next, 100))) {
+    const picture = await page.screenshot().catch(() => null); // the page may not be there yet
+    if (!picture) continue;
+    const { pixels, channels, width } = decodePng(picture), seen = new Set();
+    for (let y = 150; y < 350; ++y)
+      for (let x = 80; x < 280; ++x) seen.add(pixels.subarray(channels * (y * width + x), channels * (y * width + x) + 3).join());
+    colors = seen.size;
+  }
+  assert.ok(colors >= 100, `${colors} colours`);
+  await page.close();
+});
+
+test("a moving picture is as coarse as its time asks for; a still one gathers shadows", async () => {
+  const page = await openReady("color", "", 400, 300);
+  const scaleAfter = (work) => page.evaluate(`(async () => {
+    const viewer = rbvh.viewer, renderer = viewer.renderer, was = renderer.work;
+    renderer.work = ${work};
+    for (let first = viewer.frames; viewer.frames < first + 12;) {
+      viewer.changed();
+      await new Promise(requestAnimationFrame);
+    }
+    renderer.work = was;
+    return rbvh.stats().scale;
+  })()`);
+  const slow = await scaleAfter("() => new Promise((done) => setTimeout(() => done(true), 130))");
+  near(slow, 0.1, 0.01, "the scale where pictures take four times as long");
+  const [darker, frames] = await page.evaluate(`(async () => {
+    const viewer = rbvh.viewer, was = viewer.onChange, seen = {};
+    const look = () => {
+      const copy = document.createElement("canvas"), { canvas } = viewer;
+      [copy.width, copy.height] = [canvas.width, canvas.height];
+      const on = copy.getContext("2d");
+      on.drawImage(canvas, 0, 0);
+      return on.getImageData(0, 0, copy.width, copy.height).data;
+    };
+    viewer.onChange = () => (was(), [1, 48].includes(viewer.done) && (seen[viewer.done] ??= look()));
+    viewer.changed();
+    while (!seen[48]) await new Promise((next) => setTimeout(next, 50));
+    const { frames } = viewer;
+    await new Promise((next) => setTimeout(next, 300));
+    const back = seen[1][0], [quick, still] = [seen[1], seen[48]];
+    return [quick.filter((v, i) => i % 4 === 0 && Math.abs(v - back) > 20 && still[i] < v - 10).length, viewer.frames - frames];
+  })()`);
+  assert.ok(darker > 20, `${darker} pixels are darker in shadow`);
+  assert.equal(frames, 0, "then nothing is drawn");
+  assert.deepEqual(page.errors, []);
+  await page.close();
+});
+
+test("menus and buttons do what they say", async () => {
+  const page = await openReady("painted", "", 400, 400);
+  const choose = (id, value) => page.evaluate(`(() => {
+    const select = document.getElementById("${id}");
+    select.value = ${JSON.stringify(value)};
+    select.dispatchEvent(new Event("change"));
+  })()`);
+  await choose("level", "1");
+  await page.until('document.getElementById("state").textContent.startsWith("Q1")');
+  await choose("view", "2");
+  near(place(await camera(page)).azimuth, -90, 0.01, "the view from the left");
+  await choose("layer", "0");
+  assert.equal(await page.evaluate("rbvh.viewer.layer.meta.name"), "wear");
+  const ramp = await page.evaluate('getComputedStyle(document.getElementById("bar-ramp")).backgroundImage');
+  assert.match(ramp, /rgb\(71, 1, 85\).*rgb\(31, 144, 139\).*rgb\(252, 231, 33\)/, "viridis");
+  await page.evaluate('(document.getElementById("layer-lo").value = "9", 0)');
+  await choose("layer-hi", "12");
+  assert.deepEqual(await page.evaluate("[rbvh.viewer.layer.lo, rbvh.viewer.layer.hi]"), [9, 12]);
+  await choose("layer-hi", "8");
+  assert.match(await message(page), /lower end/);
+
+  await choose("renderer", "hybrid");
+  await page.until('rbvh.viewer.renderer?.name === "hybrid" && rbvh.stats().samples > 0', 120);
+  const was = await page.evaluate("document.documentElement.dataset.theme");
+  await page.evaluate('document.getElementById("theme").click()');
+  assert.notEqual(await page.evaluate("document.documentElement.dataset.theme"), was);
+  assert.equal(await page.evaluate("document.getAnimations().length"), 0);
+
+  await page.evaluate('document.getElementById("link").click()');
+  const hash = await page.evaluate("location.hash"), wanted = await camera(page);
+  assert.match(hash, /^#camera=/);
+  await page.browser.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder });
+  await page.evaluate('document.getElementById("picture").click()');
+  await page.until('document.getElementById("message").textContent === "The picture is saved"');
+  for (const end = Date.now() + 20000; !existsSync(path("painted.png")) && Date.now() < end;) await page.evaluate("new Promise((next) => setTimeout(next, 50))");
+  const { width, height } = decodePng(readFileSync(path("painted.png")));
+  assert.deepEqual([width, height], await page.evaluate("[rbvh.viewer.canvas.width, rbvh.viewer.canvas.height]"));
+  assert.deepEqual(page.errors, []);
+  await page.close();
+
+  const linked = await open("painted", hash, 400, 400, (page) =>
+    page.send("Emulation.setEmulatedMedia", { features: [{ name: "prefers-color-scheme", value: "dark" }] }));
+  await linked.until("window.rbvh", 120);
+  near(length(sub((await camera(linked)).position, wanted.position)), 0, 1e-6, "the linked view");
+  assert.equal(await linked.evaluate("document.documentElement.dataset.theme"), "dark");
+  await linked.close();
+});
+
 test("a damaged page says so", async () => {
   const html = readFileSync(path("color.html"), "utf8"), at = html.indexOf('id="rbvh-level-0">') + 2000;
   writeFileSync(path("damaged.html"), html.slice(0, at) + (html[at] === "A" ? "B" : "A") + html.slice(at + 1));
   const page = await open("damaged");
   await page.until('document.getElementById("message")?.textContent', 60);
-  assert.match(await message(page), /^This page is broken/);
+  assert.match(await message(page), /^This page is broken: the data of level Q3 are damaged/);
   await page.close();
+  writeFileSync(path("cut.html"), html.slice(0, html.indexOf('id="rbvh-level-1">') + 2000));
+  const cut = await open("cut");
+  await cut.until('document.getElementById("message")?.textContent', 60);
+  assert.match(await message(cut), /^This page is broken/);
+  await cut.close();
 });
 
 test("names from scans are text; a narrow page needs no scrolling; all controls have names and are reached by tab", async () => {

@@ -6,8 +6,8 @@ import { url } from "./fixtures.mjs";
 export const LEVEL = "Q3";
 const browsers = {};
 
-export async function open(name, query = "", width = 320, height = 320, emulate = undefined, browser = "chromium") {
-  const kind = browser === "firefox" ? browser : query.includes("webgpu") ? "webgpu" : "webgl2";
+export async function open(name, query = "", width = 320, height = 320, emulate = undefined, browser = undefined) {
+  const kind = browser ?? (query.includes("webgpu") ? "webgpu" : "webgl2");
   browsers[kind] ??= kind === "firefox" ? new Firefox() : new Browser(kind === "webgpu" ? WEBGPU : undefined);
   return browsers[kind].open(`${url(name + ".html")}${query}`, width, height, emulate);
 }

@@ -86,10 +86,14 @@ void main() {
   writeSurface(-d);
 }`;
 
-/** A cell of a tile: two triangles between four texels. */
+/**
+ * A cell of a tile: two triangles between four texels, and a pixel around them. Rays that graze a surface hit it
+ * (trace.glsl), so a cell that is seen from its side is drawn as the rectangle around it.
+ */
 const cellVertex = `
 uniform usampler2D texelTiles;
 flat out uint element;
+const float SIDE = 0.35;  // cosine
 void main() {
   uint texel = uint(gl_VertexID) / 6u, which = cornerOfSix();
   element = texelFetch(texelTiles, ivec2(texel & 4095u, texel >> 12), 0).x;
@@ -103,11 +107,31 @@ void main() {
   vec4 there = vec4(greaterThan(h, vec4(0.0)));
   float count = there.x + there.y + there.z + there.w;
   if (count < 2.0) return;
-  float height = there[which] > 0.0 ? h[which] : dot(h, there) / count;
-  mat3 rows = transpose(mat3(tile.columns));
-  vec3 at3 = vec3(vec2(cell) + vec2(float(which & 1u), float(which >> 1)), height) - tile.columns[3];
-  gl_Position = toClip(rows[0] * (at3.x / dot(rows[0], rows[0])) + rows[1] * (at3.y / dot(rows[1], rows[1])) +
-                       rows[2] * (at3.z / dot(rows[2], rows[2])));
+  mat3 rows = transpose(mat3(tile.columns)), back;
+  for (int k = 0; k < 3; ++k) back[k] = rows[k] / dot(rows[k], rows[k]);
+  vec3 corners[4];
+  vec4 clip[4];
+  vec2 lo = vec2(FAR), hi = vec2(-FAR), middle = vec2(0.0);
+  float first = FAR;
+  for (int k = 0; k < 4; ++k) {
+    float height = there[k] > 0.0 ? h[k] : dot(h, there) / count;
+    corners[k] = back * (vec3(vec2(cell) + vec2(float(k & 1), float(k >> 1)), height) - tile.columns[3]);
+    clip[k] = toClip(corners[k]);
+    first = min(first, clip[k].w);
+    vec2 seen = clip[k].xy / clip[k].w;
+    lo = min(lo, seen);
+    hi = max(hi, seen);
+    middle += 0.25 * seen;
+  }
+  gl_Position = clip[which];
+  if (first < nearest) return;
+  vec3 normal = normalize(cross(corners[3] - corners[0], corners[2] - corners[1]));
+  vec2 pixel = 2.0 / targetSize, seen = gl_Position.xy / gl_Position.w;
+  if (abs(dot(normal, normalize(corners[0] - camPosition))) < SIDE)
+    seen = mix(lo - pixel, hi + pixel, vec2(float(which & 1u), float(which >> 1)));
+  else
+    seen += pixel * sign(seen - middle);
+  gl_Position.xy = seen * gl_Position.w;
 }`;
 
 const cellFragment = `

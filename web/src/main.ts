@@ -111,11 +111,17 @@ async function main(): Promise<void> {
   const linked = cameraOfLink(viewer, location.hash);
   if (linked) viewer.setCamera(linked);
   else ui.reset();
-  try {
-    await choose(query.get("renderer") ?? "webgl2");
-  } catch (error) {
-    say(`This browser cannot draw the scan: ${message(error)}. The picture is a still.`);
-    throw error;
+  // The one that was asked for, else the first that works.
+  const asked = query.get("renderer"), names = asked ? [asked] : ["webgl2", ...(hasWebGpu() ? ["webgpu"] : [])];
+  for (const [i, name] of names.entries()) {
+    try {
+      await choose(name);
+      break;
+    } catch (error) {
+      if (i + 1 < names.length) continue;
+      say(`This browser cannot draw the scan: ${message(error)}. The picture is a still.`);
+      throw error;
+    }
   }
 
   const decode = decoder();
@@ -198,6 +204,7 @@ function expose(viewer: Viewer, ui: Ui, decoded: Promise<void>[], chooseRenderer
     },
     stats: () => ({
       renderer: viewer.renderer?.name, firstPicture: viewer.firstPicture, rate: viewer.rate, frames: viewer.frames,
+      scale: viewer.scale, samples: viewer.done,
       levels: viewer.levels.map((level) => level && {
         seconds: level.seconds, depth: level.depth,
         bytes: [level.nodes, level.vertices, level.prims, level.tiles, level.heights, level.normals, level.colors,

@@ -195,7 +195,7 @@ export class Ui {
     this.marks.push(found.position);
     if (this.tool === "probe") {
       const layer = this.viewer.layer;
-      say(`Position ${triple(found.position)}${units ? ` ${units}` : ""} · normal ${triple(found.normal)}` +
+      say(`Position ${triple(found.position)}${units ? ` ${units}` : ""} · normal ${found.normal.map((v) => v.toFixed(3)).join(", ")}` +
           (layer ? ` · ${layer.meta.name} ${found.values.map(digits).join(", ")}` : ""));
     } else if (this.marks.length === 2) {
       this.distance = length(sub(this.marks[0]!, this.marks[1]!));

@@ -34,8 +34,8 @@ export class Viewer {
   private busy: Promise<unknown> = Promise.resolve();
   private changedAt = -Infinity;
   private moving = false;
-  private done = 0; // samples of a still picture
-  private scale = 0.5;
+  done = 0; // samples of a still picture
+  scale = 0.5; // of a moving picture: its pixels along a side, as a part of the canvas's
   private timer = 0;
 
   constructor(readonly meta: PageMeta, public canvas: HTMLCanvasElement) {
