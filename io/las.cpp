@@ -74,10 +74,7 @@ class LasReader {
     if (major != 1 || minor_ > 4)
       fail(24, "is LAS " + std::to_string(major) + "." + std::to_string(minor_) + "; 1.0 to 1.4 are read");
     const unsigned number = load<std::uint8_t>(104);
-    if (number & 0xc0u)
-      throw Error(
-          ErrorKind::kInput, file_,
-          "is compressed (LAZ or COPC); unpack it first, with 'laszip' or 'pdal translate', to a .las file");
+    if (is_compressed_las(bytes_)) throw Error(ErrorKind::kInput, file_, "is compressed (LAZ or COPC)");
     if (number >= std::size(kFormats))
       fail(104, "the point format " + std::to_string(number) + " is not known");
     format_ = kFormats[number];
@@ -246,6 +243,11 @@ class LasReader {
 }  // namespace
 
 bool is_las(std::string_view bytes) { return bytes.starts_with("LASF"); }
+
+bool is_compressed_las(std::string_view bytes) {
+  constexpr std::size_t kFormat = 104;
+  return bytes.size() > kFormat && (static_cast<std::uint8_t>(bytes[kFormat]) & 0xc0u) != 0;
+}
 
 RawScan read_las(std::string_view bytes, const std::string& file) { return LasReader(bytes, file).read(); }
 

@@ -1,4 +1,5 @@
-// LAS 1.0 to 1.4, the format of airborne lidar. LAZ and COPC, which are compressed, are refused.
+// LAS 1.0 to 1.4, the format of airborne lidar. LAZ and COPC, which are compressed, become it by
+// io/convert_cloud.h.
 #pragma once
 
 #include <string>
@@ -10,6 +11,9 @@ namespace rbvh {
 
 /// Begins with LAS's own word; LAZ does, too.
 bool is_las(std::string_view bytes);
+
+/// LAZ or COPC, of the bytes of which is_las() holds.
+bool is_compressed_las(std::string_view bytes);
 
 /// A cloud of the point formats 0 to 10, with the properties `intensity` (0 to 65535) and `classification` (0
 /// to 255). Points marked as withheld are left out, which is noted. Colours are 16-bit words, unless none

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "io/convert_cloud.h"
 #include "io/gltf.h"
 #include "io/input_file.h"
 #include "io/las.h"
@@ -41,9 +42,22 @@ constexpr Foreign kForeign[] = {
      "is compressed by xz; unpack it first"},
     {"\x28\xb5\x2f\xfd", "is compressed by zstd; unpack it first"},
     {"PK\x03\x04", "is a zip archive (or 3MF); unpack or convert it first"},
-    {"ASTM-E57", "is an E57 file, which is not supported; convert it to PLY"},
     {"Kaydara FBX", "is an FBX file, which is not supported; convert it to PLY"},
 };
+
+/// What rbvh-convert writes has greys for the intensity of points without colours.
+RawScan read_e57(std::string_view bytes, const std::string& name) {
+  const std::string lines = convert_cloud(bytes, "e57", name);
+  if (lines.empty()) throw Error(ErrorKind::kInput, name, "has no points");
+  RawScan scan = read_xyz(lines, name);
+  if (!scan.colors.empty())
+    scan.notes.emplace_back("intensity, where points have no colour, is read as grey");
+  return scan;
+}
+
+RawScan read_laz(std::string_view bytes, const std::string& name) {
+  return read_las(convert_cloud(bytes, "laz", name), name);
+}
 
 Reader reader_by_content(std::string_view bytes) {
   if (is_ply(bytes)) return read_ply;
@@ -51,7 +65,8 @@ Reader reader_by_content(std::string_view bytes) {
   if (is_stl(bytes)) return read_stl;
   if (is_off(bytes)) return read_off;
   if (is_ptx(bytes)) return read_ptx;
-  if (is_las(bytes)) return read_las;
+  if (is_las(bytes)) return is_compressed_las(bytes) ? read_laz : read_las;
+  if (bytes.starts_with("ASTM-E57")) return read_e57;
   if (is_gltf(bytes)) return read_gltf;
   return nullptr;
 }
@@ -68,6 +83,7 @@ Reader reader_by_extension(const std::string& path) {
   if (extension == ".ptx") return read_ptx;
   if (extension == ".glb" || extension == ".gltf") return read_gltf;
   if (extension == ".las" || extension == ".laz") return read_las;
+  if (extension == ".e57") return read_e57;
   for (const char* text : {".xyz", ".txt", ".csv", ".asc", ".pts", ".xyzn", ".xyzrgb", ".tsv", ".neu"})
     if (extension == text) return read_xyz;
   return nullptr;
@@ -130,7 +146,7 @@ RawScan parse_scan(std::string_view bytes, const std::string& path, const TextCo
   if (!reader)
     throw Error(ErrorKind::kInput, name,
                 "is of no known format (neither its first bytes nor its extension say PLY, OBJ, STL, OFF, "
-                "PCD, PTX, LAS, glTF or XYZ)");
+                "PCD, PTX, LAS, E57, glTF or XYZ)");
   if (!columns.empty() && reader != read_xyz)
     throw Error(ErrorKind::kUsage, name, "is no text cloud; columns can be named of those only");
   RawScan scan = reader == read_xyz ? read_xyz_columns(bytes, name, columns) : reader(bytes, name);
