@@ -21,6 +21,7 @@
 #include "pipeline/base/error.h"
 #include "pipeline/scan/ingest.h"
 #include "pipeline/scan/precision.h"
+#include "pipeline/scan/splats.h"
 
 namespace rbvh {
 namespace {
@@ -151,6 +152,7 @@ RawScan parse_scan(std::string_view bytes, const std::string& path, const TextCo
     throw Error(ErrorKind::kUsage, name, "is no text cloud; columns can be named of those only");
   RawScan scan = reader == read_xyz ? read_xyz_columns(bytes, name, columns) : reader(bytes, name);
   if (scan.positions.empty()) throw Error(ErrorKind::kInput, name, "has no vertices");
+  if (is_splats(scan)) splats_to_discs(scan, name);
   for (std::string& note : precision_notes(scan)) scan.notes.push_back(std::move(note));
   return scan;
 }

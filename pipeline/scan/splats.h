@@ -1,0 +1,18 @@
+// Gaussian splats (Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering"), as
+// their training writes them to PLY, as a cloud of oriented discs.
+#pragma once
+
+#include "rbvh/scan.h"
+
+namespace rbvh {
+
+/// The cloud's vertex properties are those of splats: f_dc_0 to 2, opacity, scale_0 to 2, rot_0 to 3.
+bool is_splats(const RawScan& cloud);
+
+/// Each splat that is more opaque than not becomes a disc: across its shortest axis, which points away from
+/// the cloud's middle, as large as 1.5 deviations along the other two on average, in the colour that it has
+/// from all around. The splats' own properties go. What is left out is noted. Throws Error(kInput) where
+/// nothing is left; `file` is for messages.
+void splats_to_discs(RawScan& cloud, const std::string& file);
+
+}  // namespace rbvh
