@@ -7,6 +7,7 @@
 #include "io/proxy_file.h"
 #include "io/report_json.h"
 #include "io/scene_file.h"
+#include "pipeline/scene/asset_content.h"
 
 namespace rbvh {
 namespace {
@@ -21,7 +22,9 @@ std::uint32_t parse_tessellate(std::string_view text) {
 
 Asset load(Context& context, const std::string& path, LoadConfig config) {
   config.memory = context.memory;
-  return load_asset(path, config, context.progress.callback());
+  Asset asset = load_asset(path, config, context.progress.callback());
+  for (const std::string& fault : texture_faults(asset)) warn(context, path + ": " + fault);
+  return asset;
 }
 
 void check_is_pair(const std::string& path) {

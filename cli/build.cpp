@@ -86,6 +86,7 @@ void run_build(Context& context, const BuildOptions& options) {
 
   SourceScan source = load_source(options.file, context.memory);
   Scan& scan = source.scan;
+  for (const std::string& fault : scan.texture_faults) warn(context, options.file + ": " + fault);
   check_buildable(scan, options.file);
   const ErrorScale scale{static_cast<double>(bounds(scan).diagonal()), scan.units};
   if (options.error)

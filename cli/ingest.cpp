@@ -1,7 +1,5 @@
-// rbvh ingest: any scan in, one clean binary PLY out.
+// rbvh ingest: any scan in, one clean binary PLY out (or a GLB).
 #include "pipeline/scan/ingest.h"
-
-#include <filesystem>
 
 #include "cli/common.h"
 #include "cli/stages.h"
@@ -48,14 +46,6 @@ void state_units(RawScan& scan, const std::string& name, const std::string& unit
   if (!units.empty()) scan.units = units;
 }
 
-void check_extension(const std::string& output) {
-  std::string extension = std::filesystem::path(output).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  if (extension != ".ply" && (has_scan_extension(output) || extension == ".rbvh"))
-    throw Error(ErrorKind::kUsage, output, "ingest writes PLY; name the output .ply");
-}
-
 RawScan read_inputs(Context& context, const IngestOptions& options) {
   const auto on_note = [&](const std::string& path, const std::string& text) {
     warn(context, path + ": " + text);
@@ -68,7 +58,7 @@ RawScan read_inputs(Context& context, const IngestOptions& options) {
 }
 
 void run_ingest(Context& context, const IngestOptions& options) {
-  check_extension(context.output);
+  check_scan_output(context.output);
   check_paths_differ(context, options.inputs, {context.output});
   check_output(context.output, context.force);
   RawScan all = read_inputs(context, options);
@@ -82,7 +72,7 @@ void run_ingest(Context& context, const IngestOptions& options) {
   const Scan scan = ingest(std::move(all), name, options.config, counts, context.progress.callback());
   time_phase(context, "clean");
   context.progress.update("write", 0);
-  write_ply(context.output, scan, context.force);
+  for (const std::string& line : write_scan(context.output, scan, context.force)) warn(context, line);
   context.progress.finish();
   time_phase(context, "write");
   context.report.update(ingest_json(counts, scan, options.inputs));
@@ -96,7 +86,9 @@ void run_ingest(Context& context, const IngestOptions& options) {
 void add_ingest(CLI::App& app, Context& context) {
   const auto [stage, options] =
       add_stage(app, context,
-                {"ingest", "Read, merge and clean scans (PLY OBJ STL OFF PCD PTX LAS glTF XYZ) into one PLY",
+                {"ingest",
+                 "Read, merge and clean scans (PLY OBJ STL OFF PCD PTX LAS glTF XYZ) into one PLY, "
+                 "with the images of textures beside it (or GLB, with them inside)",
                  "rbvh ingest scan1.pcd scan2.pcd -o scan.ply"},
                 kWithOutput | kWithReport, run_ingest);
   IngestConfig& config = options->config;

@@ -230,7 +230,8 @@ Json scene_json(const std::string& path, const LoadConfig& config) {
 
 Json scan_json(const std::string& path, const LoadConfig& config) {
   check_read_budget(config.memory, path);
-  const RawScan scan = read_scan(path);
+  RawScan scan = read_scan(path, {}, config.memory);
+  scan.notes.insert(scan.notes.end(), scan.texture_faults.begin(), scan.texture_faults.end());
   const bool is_mesh = !scan.triangles.empty();
   Bounds3d box;
   std::uint64_t non_finite = 0;
@@ -252,10 +253,14 @@ Json scan_json(const std::string& path, const LoadConfig& config) {
                {"normals", !scan.normals.empty()},
                {"radii", !scan.radii.empty()},
                {"colors", !scan.colors.empty()},
+               {"textures", Json::array()},
                {"properties", Json::array()},
                {"notes", scan.notes}};
   if (scan.object_ids.empty()) json["objects"] = 1;
   for (const ScalarProperty& property : scan.properties) json["properties"].push_back(property.name);
+  for (const Texture& texture : scan.textures)
+    json["textures"].push_back(
+        {{"image", texture.image->name}, {"width", texture.image->width}, {"height", texture.image->height}});
   if (is_mesh) {
     double area = 0;
     for (const Triangle& t : scan.triangles) {

@@ -200,6 +200,9 @@ std::string scan_text(const Json& json) {
     if (json[attribute].get<bool>()) text += std::string(" ") + attribute;
   for (const Json& name : json["properties"]) text += " " + printable(name.get<std::string>());
   text += "\n";
+  for (const Json& texture : json["textures"])
+    text += fmt::format("texture     {} ({} x {})\n", printable(texture["image"].get<std::string>()),
+                        texture["width"].get<std::uint32_t>(), texture["height"].get<std::uint32_t>());
   for (const Json& sentence : json["notes"])
     text += "note        " + printable(sentence.get<std::string>()) + "\n";
   return text;

@@ -82,7 +82,8 @@ Image decode_environment_map(std::string_view file, const std::string& path, std
     return values.data();
   };
   const std::string fault =
-      image_module(path).decode(is_exr ? "openexr" : "hdr", file, place, thread_count());
+      image_module(path).decode(is_exr ? "openexr" : "hdr", file, place, ImageSpec::Type::kFloat,
+                                ImageModule::kAllChannels, thread_count());
   if (!fault.empty()) refuse(fault);
   image = make_image(Image::Kind::kColor, image.width, image.height, {"R", "G", "B"});
   std::uint64_t dropped = 0;

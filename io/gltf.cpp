@@ -2,16 +2,20 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <set>
 #include <utility>
 
 #include "io/colors.h"
 #include "io/gltf_draco.h"
 #include "io/gltf_file.h"
+#include "io/gltf_textures.h"
 #include "io/text_cursor.h"
 #include "pipeline/base/affine.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/srgb.h"
+#include "pipeline/base/text.h"
+#include "pipeline/base/units.h"
 
 namespace rbvh {
 namespace {
@@ -62,8 +66,9 @@ Affine transform_of(const json& node) {
 
 /// A primitive's arrays, in its own space.
 struct Primitive {
-  GltfValues positions, normals, colors, radii;
+  GltfValues positions, normals, colors, radii, places;
   std::vector<std::uint32_t> indices;
+  std::optional<GltfTextureUse> texture;  ///< with `places` in it
 };
 
 /// What all instances come to.
@@ -74,12 +79,13 @@ struct Collected {
   std::vector<float> radii;
   std::vector<Triangle> triangles;
   std::vector<std::int32_t> object_ids;
+  std::vector<FaceTexture> face_textures;  ///< of the triangles so far, or fewer
 };
 
 class GltfReader {
  public:
   GltfReader(std::string_view bytes, const std::string& file)
-      : gltf_(bytes, file), most_(std::max(kAlways, kMostPerByte * bytes.size())) {}
+      : gltf_(bytes, file), textures_(gltf_), most_(std::max(kAlways, kMostPerByte * bytes.size())) {}
 
   RawScan read() {
     const json& asset = gltf_.root().at("asset");
@@ -204,6 +210,15 @@ class GltfReader {
     p.normals = fetch("NORMAL", 3, 3);
     p.colors = fetch("COLOR_0", 3, 4);
     p.radii = fetch("_RADIUS", 1, 1);
+    if (described.contains("material")) p.texture = textures_.of_material(gltf_number(described, "material"));
+    if (p.texture) {
+      try {
+        p.places = fetch(p.texture->coordinates.c_str(), 2, 2);
+      } catch (const Error&) {  // as good as none
+      }
+      if (p.places.rows == 0) ++unplaced_;
+      if (p.places.rows == 0) p.texture = {};
+    }
     if (!packed.indices.empty())
       p.indices = std::move(packed.indices);
     else if (described.contains("indices"))
@@ -238,6 +253,10 @@ class GltfReader {
       if (mirrored) std::swap(b, c);
       const auto corner = [&](std::size_t i) { return static_cast<std::uint32_t>(first + p.indices[i]); };
       all.triangles.push_back({corner(a), corner(b), corner(c)});
+      if (!p.texture) return;
+      all.face_textures.resize(all.triangles.size() - 1);
+      all.face_textures.push_back(
+          {p.texture->texture, {place(p, p.indices[a]), place(p, p.indices[b]), place(p, p.indices[c])}});
     };
     const std::size_t corners = p.indices.size();
     for (std::size_t i = 0; i + 2 < corners; i += mode == kTriangles ? 3 : 1) {
@@ -250,6 +269,14 @@ class GltfReader {
     }
     cut_ += mode == kTriangles ? corners % 3 != 0 : corners < 3;
     all.object_ids.resize(all.triangles.size(), objects_);
+  }
+
+  static std::array<float, 2> place(const Primitive& p, std::uint32_t vertex) {
+    const float* uv = &p.places.values[2 * std::size_t{vertex}];
+    const auto along = [&](const std::array<float, 3>& row) {
+      return row[0] * uv[0] + row[1] * uv[1] + row[2];
+    };
+    return {along(p.texture->transform[0]), along(p.texture->transform[1])};
   }
 
   void append_vertices(const Primitive& p, const json& described, const Affine& to_world, Collected& all) {
@@ -281,14 +308,13 @@ class GltfReader {
     }
   }
 
-  /// Of a primitive's material, linear; counts those with a picture.
+  /// Of a primitive's material, linear.
   Vec3f base_color(const json& described) {
     if (!described.contains("material")) return {1, 1, 1};
     const std::size_t index = gltf_number(described, "material");
     const json& material = gltf_.element("materials", index);
     if (!material.contains("pbrMetallicRoughness")) return {1, 1, 1};
     const json& looks = material["pbrMetallicRoughness"];
-    if (looks.contains("baseColorTexture")) textured_.insert(index);
     if (!looks.contains("baseColorFactor")) return {1, 1, 1};
     const auto factor = looks["baseColorFactor"].get<std::array<float, 4>>();
     return {factor[0], factor[1], factor[2]};
@@ -306,7 +332,15 @@ class GltfReader {
     note(cut_, "primitive", " with corners that make no triangle were cut");
     note(skins_, "skinned mesh", ", read as stored, not as posed");
     note(morphs_, "primitive", " with morph targets, which are not applied");
-    note(textured_.size(), "material", " with a base-colour texture, which is not kept");
+    note(unplaced_, "primitive", " of materials with a texture without texture coordinates");
+    if (!textures_.faults.empty())
+      scan.texture_faults.push_back(counted(textures_.faults.size(), "material") +
+                                    " without its texture: " + textures_.faults.begin()->second);
+    scan.face_textures = std::move(all.face_textures);
+    if (!scan.face_textures.empty()) {
+      scan.face_textures.resize(all.triangles.size());
+      scan.textures = std::move(textures_.textures);
+    }
     const std::size_t count = all.positions.size();
     if (!all.normals.empty()) all.normals.resize(count);
     if (!all.colors.empty()) all.colors.resize(count, Color8{255, 255, 255});
@@ -323,17 +357,22 @@ class GltfReader {
     scan.triangles = std::move(all.triangles);
     scan.object_ids = std::move(all.object_ids);
     if (is_own_ && asset.contains("extras")) scan.shift = vector_of(asset["extras"], "rbvh_shift", {});
+    if (is_own_ && asset.contains("extras")) {
+      const auto units = asset["extras"].value("rbvh_units", std::string());
+      if (unit_meters(units)) scan.units = units;
+    }
     if (!is_finite(scan.shift)) gltf_.fail("its shift is not finite");
     return scan;
   }
 
   GltfFile gltf_;
+  GltfTextures textures_;
   std::size_t most_;
   bool is_own_ = false;
   Collected meshes_, points_;
-  std::set<std::size_t> visited_, textured_;
+  std::set<std::size_t> visited_;
   std::int32_t objects_ = 0;
-  std::size_t lines_ = 0, skins_ = 0, morphs_ = 0, cut_ = 0;
+  std::size_t lines_ = 0, skins_ = 0, morphs_ = 0, cut_ = 0, unplaced_ = 0;
 };
 
 }  // namespace

@@ -231,6 +231,25 @@ std::string GltfFile::read_buffer(std::size_t index) {
   return std::string(read_input(path).view());
 }
 
+TextureImage GltfFile::image(std::size_t index) {
+  const json& described = element("images", index);
+  TextureImage image;
+  image.name = described.value("name", "image " + std::to_string(index));
+  if (described.contains("bufferView")) {
+    image.file = view(gltf_number(described, "bufferView"));
+    return image;
+  }
+  const auto uri = described.at("uri").get<std::string>();
+  if (!uri.starts_with("data:")) {
+    image.name = percent_decoded(uri);
+    return image;
+  }
+  const std::size_t comma = uri.find(";base64,");
+  if (comma == std::string::npos || !decode_base64(std::string_view(uri).substr(comma + 8), image.file))
+    fail("image " + std::to_string(index) + " is no base64");
+  return image;
+}
+
 std::string_view GltfFile::buffer(std::size_t index) {
   const json& described = element("buffers", index);
   std::string_view bytes = binary_;

@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "rbvh/scan.h"
+
 namespace rbvh {
 
 /// An accessor's values as floats, row by row; normalised integers in [0, 1] or [-1, 1].
@@ -33,6 +35,9 @@ class GltfFile {
   std::vector<std::uint32_t> indices(std::size_t accessor);
   std::size_t rows(std::size_t accessor) const;
   std::string_view view(std::size_t buffer_view);
+  /// Of the element of `images`: what it is called and, unless it lies beside the file, its bytes. Throws
+  /// Error(kInput) and nlohmann::json::exception where it is not as glTF has it.
+  TextureImage image(std::size_t index);
 
   [[noreturn]] void fail(const std::string& what) const;
 

@@ -3,6 +3,7 @@
 // nothing else of rbvh.
 #pragma once
 
+#include <climits>
 #include <cstdint>
 #include <functional>
 #include <future>
@@ -40,7 +41,7 @@ struct TextSpec {
   bool to_the_left = false;
 };
 
-/// The functions return what went wrong, or nothing. `format`: "jpeg", "openexr", "tiff", or to decode "png".
+/// The functions return what went wrong, or nothing. `format`: as OpenImageIO names it, such as "jpeg".
 struct ImageModule {
   const char* version;  ///< of the rbvh that it was built with
 
@@ -53,10 +54,12 @@ struct ImageModule {
   std::string (*write_tiff)(const std::string& path, std::span<const ImageSpec> subimages,
                             const std::function<const std::uint16_t*(std::size_t)>& texels, int threads);
 
-  /// The file's first image, as floats. `place` sees its header first and says where they go: room for width
-  /// * height * channels of them; or throws.
+  /// The first channels of the file's first image, at most `channels`. `place` sees its header first and says
+  /// where they go: room for width * height * channels values of the type; or throws.
   std::string (*decode)(const char* format, std::string_view file,
-                        const std::function<float*(const ImageHeader&)>& place, int threads);
+                        const std::function<void*(const ImageHeader&)>& place, ImageSpec::Type type,
+                        int channels, int threads);
+  static constexpr int kAllChannels = INT_MAX;
 
   /// Dark texts with a light rim over pixels of R, G, B, A.
   std::string (*draw_text)(float* pixels, std::uint32_t width, std::uint32_t height,

@@ -151,7 +151,7 @@ Rbvh load_pair(const std::string& path, const MemoryBudget& memory, PairHeader* 
 Scan load_scan(const std::string& path, const MemoryBudget& memory, const Progress& progress) {
   refuse_proxy(path);
   check_budget(memory, file_bytes(path) * kScanBytesPerFileByte, path, "reading it");
-  Scan scan = shift_to_float(read_scan(path));
+  Scan scan = shift_to_float(read_scan(path, {}, memory));
   check_usable(scan, path);
   if (scan.is_cloud()) complete_cloud(scan, {}, progress);
   return scan;

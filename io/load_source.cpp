@@ -7,6 +7,7 @@
 #include "io/polygon_obj.h"
 #include "io/proxy_file.h"
 #include "io/scan_io.h"
+#include "io/texture_files.h"
 #include "pipeline/scan/ingest.h"
 
 namespace rbvh {
@@ -16,7 +17,9 @@ SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
   const InputBytes bytes = read_input(path);
   check_budget(memory, std::uint64_t{bytes.size} * 3, path, "reading it");
   SourceScan source{{}, source_name(path), hash_bytes(bytes.view()), bytes.size};
-  source.scan = shift_to_float(parse_scan(bytes.view(), path));
+  RawScan raw = parse_scan(bytes.view(), path);
+  load_textures(raw, path, memory);
+  source.scan = shift_to_float(std::move(raw));
   check_usable(source.scan, path);
   return source;
 }

@@ -1,12 +1,16 @@
 #include "io/obj.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
+#include <memory>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "io/colors.h"
 #include "io/obj_grammar.h"
+#include "io/obj_materials.h"
 #include "pipeline/scan/cut_polygons.h"
 
 namespace rbvh {
@@ -41,7 +45,17 @@ class ObjReader {
     } else if (key == "o" || key == "g") {
       (key == "o" ? object_ : group_) = std::string(in_.rest());
       current_id_ = kNone;
-    } else if (key == "vt" || key == "l" || key == "p" || key == "usemtl" || key == "mtllib") {
+    } else if (key == "vt") {
+      double uv[3] = {};
+      const float nan = std::numeric_limits<float>::quiet_NaN();
+      const bool is_number = in_.leading_numbers(uv, 3) > 0;
+      file_uvs_.push_back({is_number ? static_cast<float>(uv[0]) : nan, static_cast<float>(uv[1])});
+    } else if (key == "usemtl") {
+      const auto number = static_cast<std::uint32_t>(materials_.size());
+      material_ = materials_.try_emplace(std::string(trimmed(in_.rest())), number).first->second;
+    } else if (key == "mtllib") {
+      libraries_.insert(std::string(trimmed(in_.rest())));
+    } else if (key == "l" || key == "p") {
       ++dropped_[std::string(key)];
     } else if (key == "vp" || key == "curv" || key == "curv2" || key == "surf" || key == "cstype") {
       ++dropped_["free-form geometry"];
@@ -96,8 +110,8 @@ class ObjReader {
   void face() {
     corners_.clear();
     for (ObjCorner corner; in_.corner(corner);) {
-      corners_.push_back(
-          {in_.index(corner.vertex, positions_.size()), in_.index(corner.normal, file_normals_.size())});
+      corners_.push_back({in_.index(corner.vertex, positions_.size()),
+                          in_.index(corner.normal, file_normals_.size()), uv_index(corner.texture)});
       largest_vertex_.add(corners_.back().vertex, in_.place().at);
       largest_normal_.add(corners_.back().normal, in_.place().at);
     }
@@ -112,10 +126,21 @@ class ObjReader {
       triangles_.push_back(
           {narrow(corners_[0].vertex), narrow(corners_[i - 1].vertex), narrow(corners_[i].vertex)});
       object_ids_.push_back(static_cast<std::int32_t>(current_id_));
+      if (material_ == kNoMaterial) continue;
+      face_uvs_.resize(triangles_.size() - 1);
+      face_uvs_.push_back({material_, {corners_[0].uv, corners_[i - 1].uv, corners_[i].uv}});
     }
     fans_.add(triangles_.size(), corners_.size() - 2);
     for (const Corner& corner : corners_)
       if (corner.normal != kNone) corner_normals_.push_back({narrow(corner.vertex), narrow(corner.normal)});
+  }
+
+  /// Of a corner's texture coordinate; UINT32_MAX where there is none. A wrong one costs the face its
+  /// texture.
+  std::uint32_t uv_index(std::int64_t value) const {
+    const auto count = static_cast<std::int64_t>(file_uvs_.size());
+    if (value > 0 && value < UINT32_MAX) return static_cast<std::uint32_t>(value - 1);
+    return value < 0 && value >= -count ? static_cast<std::uint32_t>(count + value) : UINT32_MAX;
   }
 
   /// Too large is caught by finish().
@@ -161,11 +186,70 @@ class ObjReader {
       scan.notes.push_back(std::to_string(averaged) + " vertices have several normals, which were averaged");
   }
 
+  /// Of each material: its texture, and how its map changes coordinates; kNone where it shows no image.
+  struct Shown {
+    std::uint32_t texture = FaceTexture::kNone;
+    ObjMap map;
+  };
+  std::vector<Shown> find_textures(RawScan& scan) {
+    std::map<std::string, ObjMap> maps;
+    for (const std::string& library : libraries_)
+      if (!load_obj_materials(in_.file(), library, maps))
+        scan.notes.push_back("its materials are not there: " + shown(library, 80));
+    std::vector<Shown> all(materials_.size());
+    std::map<std::string, std::shared_ptr<const TextureImage>> images;
+    for (const auto& [name, number] : materials_) {
+      const auto map = maps.find(name);
+      if (map == maps.end()) continue;
+      auto& image = images[map->second.image];
+      if (!image) {
+        TextureImage named;
+        named.name = map->second.image;
+        image = std::make_shared<const TextureImage>(std::move(named));
+      }
+      all[number] = {static_cast<std::uint32_t>(scan.textures.size()), map->second};
+      scan.textures.push_back({.image = image, .wrap_u = map->second.wrap, .wrap_v = map->second.wrap});
+    }
+    return all;
+  }
+
+  void assign_textures(RawScan& scan) {
+    const std::vector<Shown> materials = find_textures(scan);
+    if (scan.textures.empty()) {
+      if (!file_uvs_.empty()) dropped_["vt"] = file_uvs_.size();
+      if (!materials_.empty()) dropped_["usemtl"] = materials_.size();
+      return;
+    }
+    face_uvs_.resize(triangles_.size());
+    scan.face_textures.resize(triangles_.size());
+    std::size_t without = 0;
+    for (std::size_t i = 0; i < triangles_.size(); ++i) {
+      const FaceUvs& face = face_uvs_[i];
+      if (face.material == kNoMaterial || materials[face.material].texture == FaceTexture::kNone) continue;
+      const auto& [texture, map] = materials[face.material];
+      FaceTexture placed{.texture = texture};
+      for (std::size_t c = 0; c < 3 && placed.texture != FaceTexture::kNone; ++c) {
+        if (face.uvs[c] >= file_uvs_.size())
+          placed = {};
+        else
+          for (std::size_t axis = 0; axis < 2; ++axis)
+            placed.corners[c][axis] = static_cast<float>(
+                static_cast<double>(file_uvs_[face.uvs[c]][axis]) * map.scale[axis] + map.offset[axis]);
+      }
+      without += placed.texture == FaceTexture::kNone;
+      scan.face_textures[i] = placed;
+    }
+    if (without > 0)
+      scan.notes.push_back(std::to_string(without) +
+                           " faces of materials with an image have no texture coordinates");
+  }
+
   RawScan finish() {
     check_largest(largest_vertex_, positions_.size(), "vertices");
     check_largest(largest_normal_, file_normals_.size(), "normals");
     RawScan scan;
-    fans_.cut_again(positions_, triangles_, scan.notes);
+    assign_textures(scan);
+    fans_.cut_again(positions_, triangles_, scan.notes, scan.face_textures);
     assign_normals(scan);
     choose_colors();
     if (!colors_.empty()) {
@@ -188,6 +272,12 @@ class ObjReader {
   /// Indices from 0; the normal's may be kNone.
   struct Corner {
     std::int64_t vertex, normal;
+    std::uint32_t uv;
+  };
+  static constexpr std::uint32_t kNoMaterial = UINT32_MAX;
+  struct FaceUvs {
+    std::uint32_t material = kNoMaterial;
+    std::array<std::uint32_t, 3> uvs{};
   };
 
   ObjGrammar in_;
@@ -195,7 +285,12 @@ class ObjReader {
   std::vector<Vec3f> colors_, last_colors_, file_normals_;
   bool all_weights_one_ = true, same_last_ = true;
   std::optional<double> first_last_;
+  std::vector<std::array<float, 2>> file_uvs_;
   std::vector<Triangle> triangles_;
+  std::vector<FaceUvs> face_uvs_;  ///< of the triangles so far, or fewer
+  std::map<std::string, std::uint32_t> materials_;
+  std::uint32_t material_ = kNoMaterial;
+  std::set<std::string> libraries_;
   Fans fans_;
   std::vector<std::int32_t> object_ids_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> corner_normals_;  ///< vertex, normal

@@ -67,14 +67,18 @@ class ObjGrammar {
     return count;
   }
 
+  /// Takes numbers, at most `most`; returns how many there were before the statement's end or another word.
+  int leading_numbers(double* out, int most) {
+    int count = 0;
+    for (std::string_view word; count < most && take_word(word); ++count)
+      if (read_number(word.data(), word.data() + word.size(), out[count]) != word.data() + word.size()) break;
+    return count;
+  }
+
   /// All of the statement is numbers: as many as wanted, and what follows is a comment.
   bool are_numbers(double* out, int count) {
     std::string_view word;
-    for (int i = 0; i < count; ++i)
-      if (!take_word(word) ||
-          read_number(word.data(), word.data() + word.size(), out[i]) != word.data() + word.size())
-        return false;
-    return !take_word(word);
+    return leading_numbers(out, count) == count && !take_word(word);
   }
 
   /// Takes a corner: v, v/vt, v//vn or v/vt/vn, where vt and vn may be missing. False at the end of the face.

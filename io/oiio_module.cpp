@@ -87,7 +87,8 @@ std::string write_tiff(const std::string& path, std::span<const ImageSpec> subim
 }
 
 std::string decode(const char* format, std::string_view file,
-                   const std::function<float*(const ImageHeader&)>& place, int threads) {
+                   const std::function<void*(const ImageHeader&)>& place, ImageSpec::Type type, int channels,
+                   int threads) {
   const std::unique_ptr<OIIO::ImageInput> in = OIIO::ImageInput::create(format);
   if (in == nullptr) return "cannot be read: " + OIIO::geterror();
   in->threads(threads);
@@ -98,16 +99,16 @@ std::string decode(const char* format, std::string_view file,
   if (!in->set_ioproxy(&reader) || !in->open(std::string("map.") + format, spec, config))
     return "cannot be read (" + in->geterror() + ")";
   if (spec.channelnames.size() != static_cast<std::size_t>(spec.nchannels)) return "cannot be read";
-  float* const texels = place({.width = spec.width,
-                               .height = spec.height,
-                               .depth = spec.depth,
-                               .tile_width = spec.tile_width,
-                               .tile_height = spec.tile_height,
-                               .channels = spec.channelnames,
-                               .is_deep = spec.deep,
-                               .is_integer = !spec.format.is_floating_point(),
-                               .is_float32 = spec.format == OIIO::TypeFloat});
-  if (!in->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, texels))
+  void* const texels = place({.width = spec.width,
+                              .height = spec.height,
+                              .depth = spec.depth,
+                              .tile_width = spec.tile_width,
+                              .tile_height = spec.tile_height,
+                              .channels = spec.channelnames,
+                              .is_deep = spec.deep,
+                              .is_integer = !spec.format.is_floating_point(),
+                              .is_float32 = spec.format == OIIO::TypeFloat});
+  if (!in->read_image(0, 0, 0, std::min(channels, spec.nchannels), type_of(type), texels))
     return "cannot be decoded (" + in->geterror() + ")";
   return {};
 }

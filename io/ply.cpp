@@ -1,13 +1,19 @@
 #include "io/ply.h"
 
+#include <algorithm>
+#include <array>
 #include <cstring>
+#include <filesystem>
+#include <memory>
 #include <utility>
 
 #include "io/colors.h"
+#include "io/file_set.h"
 #include "io/ply_header.h"
 #include "io/ply_source.h"
 #include "io/property_names.h"
 #include "io/text_cursor.h"
+#include "io/texture_files.h"
 #include "pipeline/scan/cut_polygons.h"
 
 namespace rbvh {
@@ -48,6 +54,12 @@ void skip_property(Source& in, const Property& property) {
   in.skip(property.type, count);
 }
 
+using Uv = std::array<float, 2>;
+
+/// What vertices' texture coordinates are called, where the file names textures.
+constexpr std::pair<std::string_view, std::string_view> kVertexUvs[] = {
+    {"s", "t"}, {"u", "v"}, {"texture_u", "texture_v"}, {"texcoord_u", "texcoord_v"}};
+
 /// Where one scalar vertex property goes: into an array of doubles, floats, bytes or ints with a stride.
 struct Target {
   enum Kind { kSkip, kDouble, kFloat, kByte, kInt } kind = kSkip;
@@ -55,11 +67,11 @@ struct Target {
   std::size_t stride = 0;
 };
 
-/// The scalar property with one of these names, or -1.
-int find_scalar(const Element& element, std::initializer_list<std::string_view> names) {
+/// The property with one of these names, or -1.
+int find_property(const Element& element, bool is_list, std::initializer_list<std::string_view> names) {
   for (const std::string_view name : names)
     for (std::size_t i = 0; i < element.properties.size(); ++i)
-      if (!element.properties[i].is_list && lower(element.properties[i].name) == name)
+      if (element.properties[i].is_list == is_list && lower(element.properties[i].name) == name)
         return static_cast<int>(i);
   return -1;
 }
@@ -73,7 +85,8 @@ std::vector<std::string> scalar_names(const Element& element) {
 
 /// Makes room for element.count vertices, with x, y and z among their properties, and aims each property at
 /// it. Colours that are not bytes go to `wide_colors`.
-std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vector<Vec3f>& wide_colors) {
+std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vector<Vec3f>& wide_colors,
+                                 std::vector<Uv>* uvs) {
   const auto count = static_cast<std::size_t>(element.count);
   const auto& properties = element.properties;
   std::vector<Target> targets(properties.size());
@@ -90,11 +103,11 @@ std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vec
 
   aim_three(*find_position(names), Target::kDouble, scan.positions, sizeof(Vec3d));
   if (const auto normal = find_normal(names)) aim_three(*normal, Target::kFloat, scan.normals, sizeof(Vec3f));
-  if (const int radius = find_scalar(element, {"radius"}); radius >= 0) {
+  if (const int radius = find_property(element, false, {"radius"}); radius >= 0) {
     scan.radii.resize(count);
     aim(radius, Target::kFloat, scan.radii.data(), sizeof(float));
   }
-  if (const int id = find_scalar(element, {"object_id"}); id >= 0) {
+  if (const int id = find_property(element, false, {"object_id"}); id >= 0) {
     scan.object_ids.resize(count);
     aim(id, Target::kInt, scan.object_ids.data(), sizeof(std::int32_t));
   }
@@ -106,6 +119,13 @@ std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vec
     } else {
       aim_three(*rgb, Target::kFloat, wide_colors, sizeof(Vec3f));
     }
+  }
+  for (const auto& [u_name, v_name] : kVertexUvs) {
+    const int u = find_property(element, false, {u_name}), v = find_property(element, false, {v_name});
+    if (uvs == nullptr || !uvs->empty() || u < 0 || v < 0) continue;
+    uvs->resize(count);
+    aim(u, Target::kFloat, uvs->data(), sizeof(Uv));
+    aim(v, Target::kFloat, uvs->data()->data() + 1, sizeof(Uv));
   }
   std::size_t scalars = 0;
   for (std::size_t i = 0; i < properties.size(); ++i)
@@ -124,11 +144,11 @@ std::vector<Target> aim_vertices(const Element& element, RawScan& scan, std::vec
 }
 
 template <class Source>
-void read_vertices(Source& in, const Element& element, RawScan& scan) {
+void read_vertices(Source& in, const Element& element, RawScan& scan, std::vector<Uv>* uvs) {
   if (!find_position(scalar_names(element))) in.fail_here("the vertices have no x, y and z");
   check_fits(in, element);
   std::vector<Vec3f> wide_colors;
-  std::vector<Target> targets = aim_vertices(element, scan, wide_colors);
+  std::vector<Target> targets = aim_vertices(element, scan, wide_colors, uvs);
   for (in.place.index = 0; in.place.index < element.count; ++in.place.index)
     for (std::size_t i = 0; i < targets.size(); ++i) {
       Target& target = targets[i];
@@ -167,28 +187,93 @@ int find_index_list(const Element& element) {
   return found;
 }
 
-void note_dropped(const Element& element, int kept, int also_kept, RawScan& scan) {
+void note_dropped(const Element& element, std::initializer_list<int> kept, RawScan& scan) {
   for (int i = 0; i < static_cast<int>(element.properties.size()); ++i)
-    if (i != kept && i != also_kept)
+    if (std::find(kept.begin(), kept.end(), i) == kept.end())
       scan.notes.push_back("the property '" + element.properties[static_cast<std::size_t>(i)].name +
                            "' of element '" + element.name + "' is not kept");
+}
+
+/// Where faces lie in textures, as they are read.
+struct FacePlaces {
+  std::size_t textures = 0;       ///< that the file names
+  std::vector<Uv> of_vertices{};  ///< used where faces have none of their own
+  std::size_t wrong = 0;          ///< faces
+  bool by_vertices = false;       ///< of_vertices are wanted, when all are known
+
+  /// Of the triangles from `first` on, a polygon's fan. `coordinates`: two for each of its corners.
+  void add(RawScan& scan, std::size_t first, std::int32_t texture, const std::vector<float>* coordinates) {
+    const std::size_t count = scan.triangles.size() - first;
+    scan.face_textures.resize(scan.triangles.size());
+    if (count == 0 || texture < 0) return;  // -1: none
+    const bool has_places = coordinates == nullptr || coordinates->size() == 2 * (count + 2);
+    if (!has_places || static_cast<std::size_t>(texture) >= textures) {
+      wrong += coordinates == nullptr || !coordinates->empty();
+      return;
+    }
+    by_vertices |= coordinates == nullptr;
+    const auto corner = [&](std::size_t i) { return Uv{(*coordinates)[2 * i], (*coordinates)[2 * i + 1]}; };
+    for (std::size_t i = 0; i < count; ++i) {
+      FaceTexture& face = scan.face_textures[first + i];
+      face.texture = static_cast<std::uint32_t>(texture);
+      if (coordinates != nullptr) face.corners = {corner(0), corner(i + 1), corner(i + 2)};
+    }
+  }
+
+  /// When all of the file is read.
+  void finish(RawScan& scan) const {
+    if (wrong > 0)
+      scan.notes.push_back(std::to_string(wrong) + " faces have no place in a texture that the file names");
+    if (!by_vertices) return;
+    if (of_vertices.empty()) {
+      scan.face_textures.clear();
+      scan.notes.push_back("it names textures, but has no texture coordinates");
+      return;
+    }
+    for (std::size_t i = 0; i < scan.face_textures.size(); ++i)
+      for (std::size_t c = 0; c < 3; ++c)
+        scan.face_textures[i].corners[c] = of_vertices[scan.triangles[i][c]];
+  }
+};
+
+/// Textures as the header names them. An image that rbvh wrote with the scan is told by its hash, since a
+/// writer may be replacing it.
+void name_textures(const Header& header, const std::string& file, RawScan& scan) {
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  for (const ply::TextureComment& comment : header.textures) {
+    TextureImage image;
+    image.name = comment.name;
+    const bool is_own = comment.hash != 0 && comment.name.find_first_of("/\\") == std::string::npos;
+    if (is_own) {
+      const std::string path = (folder / comment.name).string();
+      if (const auto part = find_part(std::span(&path, 1), comment.bytes, comment.hash))
+        image.file = part->bytes.view();
+      else if (find_beside(file, comment.name))
+        scan.notes.push_back("the texture " + shown(comment.name, 80) +
+                             " is not the one that was written with it");
+    }
+    scan.textures.push_back({.image = std::make_shared<const TextureImage>(std::move(image)),
+                             .wrap_u = comment.wrap_u,
+                             .wrap_v = comment.wrap_v,
+                             .times_colors = comment.times_colors});
+  }
 }
 
 /// Faces (as fans) and, with `strips`, triangle strips separated by -1.
 template <class Source>
 void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, bool strips, RawScan& scan,
-                Fans& fans) {
+                Fans& fans, FacePlaces& places) {
   const int list = find_index_list(element);
   if (list < 0) {
     if (element.count > 0) in.fail_here("the faces have no list of vertex indices");
     return;
   }
-  int id_property = -1;
-  for (std::size_t i = 0; i < element.properties.size(); ++i)
-    if (lower(element.properties[i].name) == "object_id" && !element.properties[i].is_list)
-      id_property = static_cast<int>(i);
+  const int id_property = find_property(element, false, {"object_id"});
+  const bool textured = places.textures > 0 && !strips;
+  const int uv_list = textured ? find_property(element, true, {"texcoord"}) : -1;
+  const int texture_property = textured ? find_property(element, false, {"texnumber"}) : -1;
   check_fits(in, element);
-  note_dropped(element, list, id_property, scan);
+  note_dropped(element, {list, id_property, uv_list, texture_property}, scan);
   scan.triangles.reserve(scan.triangles.size() + static_cast<std::size_t>(element.count));
 
   const auto read_index = [&](Type type) {
@@ -218,9 +303,11 @@ void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, 
       ++run;
     }
   };
+  std::vector<float> coordinates;
   for (in.place.index = 0; in.place.index < element.count; ++in.place.index) {
     const std::size_t before = scan.triangles.size();
-    std::int32_t id = 0;
+    std::int32_t id = 0, texture = 0;
+    coordinates.clear();
     for (int i = 0; i < static_cast<int>(element.properties.size()); ++i) {
       const Property& property = element.properties[static_cast<std::size_t>(i)];
       if (i == list) {
@@ -228,10 +315,18 @@ void read_faces(Source& in, const Element& element, std::uint64_t vertex_count, 
         if (!strips) fans.add(scan.triangles.size(), scan.triangles.size() - before);
       } else if (i == id_property) {
         id = to_int32(in.number(property.type));
+      } else if (i == texture_property) {
+        texture = to_int32(in.number(property.type));
+      } else if (i == uv_list) {
+        const std::int64_t length = in.integer(property.count_type);
+        if (length < 0) in.fail("a list of negative length");
+        for (std::int64_t k = 0; k < length; ++k)
+          coordinates.push_back(static_cast<float>(in.number(property.type)));
       } else {
         skip_property(in, property);
       }
     }
+    if (textured) places.add(scan, before, texture, uv_list >= 0 ? &coordinates : nullptr);
     if (id_property >= 0) {
       scan.object_ids.resize(before);
       scan.object_ids.resize(scan.triangles.size(), id);
@@ -292,6 +387,7 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
                 "claims " + std::to_string(vertex_count) + " vertices; 4294967294 is the limit");
 
   std::vector<std::int32_t> vertex_ids;
+  FacePlaces places{.textures = header.textures.size()};
   Fans fans;
   for (const Element& element : header.elements) {
     in.place = {&element, 0};
@@ -299,10 +395,10 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
     if (name == "vertex") {
       std::vector<std::int32_t> face_ids = std::move(scan.object_ids);
       scan.object_ids.clear();
-      read_vertices(in, element, scan);
+      read_vertices(in, element, scan, places.textures > 0 ? &places.of_vertices : nullptr);
       vertex_ids = std::exchange(scan.object_ids, std::move(face_ids));
     } else if (name == "face" || name == "tristrips") {
-      read_faces(in, element, vertex_count, name == "tristrips", scan, fans);
+      read_faces(in, element, vertex_count, name == "tristrips", scan, fans, places);
     } else if (name == "camera") {
       read_camera(in, element, scan);
     } else {
@@ -310,7 +406,12 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
     }
   }
   in.check_end(header.elements, scan.notes);
-  fans.cut_again(scan.positions, scan.triangles, scan.notes);
+  places.finish(scan);
+  if (!scan.face_textures.empty()) {
+    scan.face_textures.resize(scan.triangles.size());
+    name_textures(header, file, scan);
+  }
+  fans.cut_again(scan.positions, scan.triangles, scan.notes, scan.face_textures);
 
   // Object ids and radii belong to the vertices of a cloud alone; on a mesh they are two properties among
   // others.

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rbvh/scan.h"
 
@@ -20,7 +21,9 @@ bool is_ply(std::string_view bytes);
 /// messages. Throws Error(kInput).
 RawScan read_ply(std::string_view bytes, const std::string& file);
 
-/// Passes the bytes of the output PLY (scan_io.h's write_ply) to `sink` in pieces.
-void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink);
+/// Passes the bytes of the output PLY (scan_io.h's write_ply) to `sink` in pieces. `images`: the file of each
+/// texture, beside it; none: the scan's textures are left out.
+void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink,
+                const std::vector<std::string>& images = {});
 
 }  // namespace rbvh

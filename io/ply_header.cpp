@@ -10,6 +10,8 @@
 namespace rbvh::ply {
 namespace {
 
+constexpr std::size_t kMostTextures = 65536;
+
 std::optional<Type> type_named(std::string_view name) {
   constexpr std::pair<std::string_view, Type> names[] = {
       {"char", Type::kInt8},       {"int8", Type::kInt8},       {"uchar", Type::kUint8},
@@ -45,10 +47,33 @@ Property parse_property(const TextCursor& at, TextCursor& words) {
   return property;
 }
 
-/// "comment rbvh shift X Y Z" and "comment rbvh units mm", as encode_ply writes them.
+/// What encode_ply says of the texture before.
+void parse_texture(TextCursor& words, TextureComment& texture) {
+  const auto wrap = [&](TextureWrap& to) {
+    const std::string_view word = words.word();
+    for (std::size_t i = 0; i < std::size(kWrapNames); ++i)
+      if (word == kWrapNames[i]) to = static_cast<TextureWrap>(i);
+  };
+  wrap(texture.wrap_u);
+  wrap(texture.wrap_v);
+  const auto number = [&](std::uint64_t& to, int base) {
+    const std::string_view word = words.word();
+    std::from_chars(word.data(), word.data() + word.size(), to, base);
+  };
+  number(texture.bytes, 10);
+  number(texture.hash, 16);
+  texture.times_colors = words.word() == "times-colors";
+}
+
+/// "comment TextureFile NAME" of any program; "comment rbvh shift X Y Z", "comment rbvh units mm" and
+/// "comment rbvh texture ..." as encode_ply writes them.
 void parse_comment(TextCursor& words, Header& header) {
-  if (words.word() != "rbvh") return;
+  const std::string_view whose = words.word();
+  if (whose == "TextureFile" && header.textures.size() < kMostTextures)
+    header.textures.push_back({.name = std::string(trimmed({words.at, words.remaining()}))});
+  if (whose != "rbvh") return;
   const std::string_view what = words.word();
+  if (what == "texture" && !header.textures.empty()) return parse_texture(words, header.textures.back());
   if (what == "units") {
     const std::string_view units = words.word();
     if (unit_meters(units)) header.units = units;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rbvh/geometry.h"
+#include "rbvh/scan.h"
 
 namespace rbvh::ply {
 
@@ -33,13 +34,25 @@ struct Element {
 
 enum class Format { kAscii, kLittleEndian, kBigEndian };
 
+/// "comment TextureFile NAME", and what rbvh says of it: "comment rbvh texture repeat clamp 1234 0123abcd..."
+struct TextureComment {
+  std::string name;
+  TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
+  bool times_colors = false;
+  std::uint64_t bytes = 0, hash = 0;  ///< of the file; 0: not said
+};
+
 struct Header {
   Format format = Format::kAscii;
   std::vector<Element> elements;
   Vec3d shift{};
-  std::string units;     ///< stated by rbvh; empty: none
+  std::string units;  ///< stated by rbvh; empty: none
+  std::vector<TextureComment> textures;
   std::size_t size = 0;  ///< bytes up to the body
 };
+
+/// How a texture's wraps are called: "repeat", "mirror", "clamp".
+inline constexpr std::string_view kWrapNames[] = {"repeat", "mirror", "clamp"};
 
 /// Hostile bytes are expected. Throws Error(kInput) with the line.
 Header parse_header(std::string_view bytes, const std::string& file);

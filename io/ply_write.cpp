@@ -1,14 +1,24 @@
 // The writing half of io/ply.h.
+#include <spdlog/fmt/fmt.h>
+
 #include <charconv>
 #include <cstring>
+#include <deque>
+#include <filesystem>
+#include <map>
 #include <set>
 
+#include "io/file_set.h"
+#include "io/foreign_image.h"
+#include "io/hash.h"
 #include "io/output_file.h"
 #include "io/ply.h"
+#include "io/ply_header.h"
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
+namespace fs = std::filesystem;
 namespace {
 
 /// Shortest text that reads back as the same double.
@@ -36,13 +46,28 @@ std::vector<std::string> property_names(const Scan& scan) {
   return names;
 }
 
-std::string header(const Scan& scan) {
+/// Names the textures' images, with what "comment rbvh texture" of ply_header.h says of each.
+std::string texture_comments(const Scan& scan, const std::vector<std::string>& images) {
+  std::string text;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const Texture& texture = scan.textures[i];
+    const auto wrap = [](TextureWrap how) { return std::string(ply::kWrapNames[static_cast<int>(how)]); };
+    text += "comment TextureFile " + images[i] + "\ncomment rbvh texture " + wrap(texture.wrap_u) + " " +
+            wrap(texture.wrap_v) +
+            fmt::format(" {} {:016x}", texture.image->file.size(), hash_bytes(texture.image->file)) +
+            (texture.times_colors ? " times-colors\n" : "\n");
+  }
+  return text;
+}
+
+std::string header(const Scan& scan, const std::vector<std::string>& images) {
   std::string text = "ply\nformat binary_little_endian 1.0\ncomment written by rbvh\n";
   if (scan.shift != Vec3d{}) {
     text += "comment original coordinates are these plus the shift\ncomment rbvh shift " +
             round_trip(scan.shift.x) + " " + round_trip(scan.shift.y) + " " + round_trip(scan.shift.z) + "\n";
   }
   if (!scan.units.empty()) text += "comment rbvh units " + scan.units + "\n";
+  text += texture_comments(scan, images);
   text += "element vertex " + std::to_string(scan.positions.size()) +
           "\nproperty float x\nproperty float y\nproperty float z\n";
   if (!scan.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
@@ -54,6 +79,7 @@ std::string header(const Scan& scan) {
   } else {
     text += "element face " + std::to_string(scan.triangles.size()) +
             "\nproperty list uchar int vertex_indices\nproperty int object_id\n";
+    if (!images.empty()) text += "property list uchar float texcoord\nproperty int texnumber\n";
   }
   return text + "end_header\n";
 }
@@ -87,9 +113,10 @@ class Writer {
 
 }  // namespace
 
-void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink) {
+void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink,
+                const std::vector<std::string>& images) {
   RBVH_CHECK(scan.positions.size() <= INT32_MAX);
-  const std::string text = header(scan);
+  const std::string text = header(scan, images);
   sink(std::as_bytes(std::span(text)));
   Writer out(sink);
   for (std::size_t i = 0; i < scan.positions.size(); ++i) {
@@ -104,14 +131,49 @@ void encode_ply(const Scan& scan, const std::function<void(std::span<const std::
     out.put(std::uint8_t{3});
     out.put(scan.triangles[i]);
     out.put(scan.object_ids.empty() ? std::int32_t{0} : scan.object_ids[i]);
+    if (images.empty()) continue;
+    const FaceTexture& face = scan.face_textures[i];
+    const bool is_textured = face.texture != FaceTexture::kNone;
+    out.put(std::uint8_t{6});  // also where it shows none: other programs count on it
+    out.put(face.corners);
+    out.put(is_textured ? static_cast<std::int32_t>(face.texture) : std::int32_t{-1});
   }
   out.flush();
 }
 
+bool holds_textures(const std::string& path) {
+  std::error_code code;
+  return path != "-" && (fs::is_regular_file(path, code) || !fs::exists(path, code));
+}
+
 void write_ply(const std::string& path, const Scan& scan, bool overwrite) {
-  OutputFile out(path, overwrite);
-  encode_ply(scan, [&](std::span<const std::byte> piece) { out.write(piece); });
-  out.commit();
+  const auto write_to = [&](OutputFile& out, const std::vector<std::string>& images) {
+    encode_ply(
+        scan, [&](std::span<const std::byte> piece) { out.write(piece); }, images);
+  };
+  if (scan.textures.empty() || !holds_textures(path)) {
+    OutputFile out(path, overwrite);
+    write_to(out, {});
+    return out.commit();
+  }
+  OutputFile out(path, overwrite, OutputFile::Role::kInSet);
+  std::map<const TextureImage*, std::string> names;
+  std::vector<std::string> images;  // of each texture
+  std::deque<OutputFile> files;
+  std::vector<SetPart> parts;
+  for (const Texture& texture : scan.textures) {
+    std::string& name = names[texture.image.get()];
+    if (name.empty()) {
+      const fs::path image = fs::path(path).replace_extension(".texture" + std::to_string(parts.size()) +
+                                                              image_extension(texture.image->file));
+      name = image.filename().string();
+      files.emplace_back(image.string(), overwrite, OutputFile::Role::kInSet).write(texture.image->file);
+      parts.push_back({&files.back(), hash_bytes(texture.image->file)});
+    }
+    images.push_back(name);
+  }
+  write_to(out, images);
+  commit_set(out, parts);
 }
 
 }  // namespace rbvh

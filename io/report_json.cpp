@@ -35,6 +35,7 @@ Json ingest_json(const IngestReport& counts, const Scan& scan, const std::vector
       {"vertices_out", counts.vertices_out},
       {"faces_out", counts.faces_out},
       {"objects", counts.objects},
+      {"textures", scan.textures.size()},
       {"removed",
        {{"non_finite_vertices", gone.non_finite_vertices},
         {"non_finite_faces", gone.non_finite_faces},

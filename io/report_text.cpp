@@ -175,6 +175,7 @@ std::vector<std::string> ingest_lines(const std::string& output, const IngestRep
       scan.is_cloud() ? counted(counts.vertices_out, "point")
                       : counted(counts.faces_out, "triangle") + ", " + counted(counts.vertices_out, "vertex");
   if (counts.objects > 1) made += ", " + counted(counts.objects, "object");
+  if (!scan.textures.empty()) made += ", " + counted(scan.textures.size(), "texture");
   lines.push_back(output + ": " + made);
   const std::string removed = list_counts({{gone.non_finite_vertices, "non-finite vertex"},
                                            {gone.non_finite_faces, "non-finite face"},

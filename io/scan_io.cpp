@@ -1,8 +1,8 @@
 #include "io/scan_io.h"
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <utility>
 
@@ -14,11 +14,14 @@
 #include "io/off.h"
 #include "io/pcd.h"
 #include "io/ply.h"
+#include "io/property_names.h"
 #include "io/proxy_file.h"
 #include "io/ptx.h"
 #include "io/stl.h"
 #include "io/text_cursor.h"
+#include "io/texture_files.h"
 #include "pipeline/base/error.h"
+#include "pipeline/base/text.h"
 #include "pipeline/scan/ingest.h"
 #include "pipeline/scan/precision.h"
 #include "pipeline/scan/splats.h"
@@ -72,10 +75,12 @@ Reader reader_by_content(std::string_view bytes) {
   return nullptr;
 }
 
+std::string lower_extension(const std::string& path) {
+  return lower(std::filesystem::path(path).extension().string());
+}
+
 Reader reader_by_extension(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = lower_extension(path);
   if (extension == ".ply") return read_ply;
   if (extension == ".obj") return read_obj;
   if (extension == ".stl") return read_stl;
@@ -157,9 +162,34 @@ RawScan parse_scan(std::string_view bytes, const std::string& path, const TextCo
   return scan;
 }
 
-RawScan read_scan(const std::string& path, const TextColumns& columns) {
-  const InputBytes bytes = read_input(path);
-  return parse_scan(bytes.view(), path, columns);
+RawScan read_scan(const std::string& path, const TextColumns& columns, const MemoryBudget& memory) {
+  RawScan scan = parse_scan(read_input(path).view(), path, columns);
+  load_textures(scan, path, memory);
+  return scan;
+}
+
+void check_scan_output(const std::string& path) {
+  const std::string extension = lower_extension(path);
+  if (extension != ".ply" && extension != ".glb" && (has_scan_extension(path) || extension == ".rbvh"))
+    throw Error(ErrorKind::kUsage, path, "scans are written as PLY or GLB; name the output .ply");
+}
+
+std::vector<std::string> write_scan(const std::string& path, const Scan& scan, bool overwrite) {
+  std::vector<std::string> lost;
+  if (lower_extension(path) != ".glb") {
+    if (!scan.textures.empty() && !holds_textures(path))
+      lost.push_back("its " + counted(scan.textures.size(), "texture") +
+                     " cannot lie beside it and were left out");
+    write_ply(path, scan, overwrite);
+    return lost;
+  }
+  if (!scan.properties.empty())
+    lost.push_back("a GLB does not keep " + counted(scan.properties.size(), "scalar") + " of the vertices");
+  if (std::adjacent_find(scan.object_ids.begin(), scan.object_ids.end(), std::not_equal_to<>()) !=
+      scan.object_ids.end())
+    lost.emplace_back("a GLB does not keep which object a part belongs to");
+  write_glb(path, scan, scan.is_cloud() ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0}, overwrite);
+  return lost;
 }
 
 void merge_scan(RawScan& all, RawScan&& scan) {
@@ -218,9 +248,15 @@ void merge_scan(RawScan& all, RawScan&& scan) {
   for (std::int32_t& id : scan.object_ids) id = static_cast<std::int32_t>(id + base);
   append(all.object_ids, std::move(scan.object_ids));
 
+  for (FaceTexture& face : scan.face_textures)
+    if (face.texture != FaceTexture::kNone) face.texture += static_cast<std::uint32_t>(all.textures.size());
+  append(all.textures, std::move(scan.textures));
+  append_filled(all.face_textures, all.triangles.size(), std::move(scan.face_textures), scan.triangles.size(),
+                FaceTexture{});
   for (Triangle& triangle : scan.triangles)
     for (std::uint32_t& corner : triangle) corner += static_cast<std::uint32_t>(count);
   append(all.triangles, std::move(scan.triangles));
+  append(all.texture_faults, std::move(scan.texture_faults));
   append(all.notes, std::move(scan.notes));
 }
 
@@ -232,9 +268,10 @@ RawScan read_scans(const std::vector<std::string>& paths, const MemoryBudget& me
     report(progress, "read", static_cast<double>(i) / static_cast<double>(paths.size()));
     check_read_budget(memory, paths[i], 1);
     refuse_proxy(paths[i]);
-    RawScan scan = read_scan(paths[i], columns);
-    if (on_note)
-      for (const std::string& note : scan.notes) on_note(paths[i], note);
+    RawScan scan = read_scan(paths[i], columns, memory);
+    for (const auto* notes : {&scan.notes, &scan.texture_faults})
+      for (const std::string& note : *notes)
+        if (on_note) on_note(paths[i], note);
     try {
       merge_scan(all, std::move(scan));
     } catch (const Error& error) {

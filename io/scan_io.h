@@ -20,12 +20,23 @@ namespace rbvh {
 /// all.
 ///
 /// `columns` are those of text clouds; where they are given, Error(kUsage) for any other format.
-RawScan read_scan(const std::string& path, const TextColumns& columns = {});
+/// Textures come with their images, as far as `memory` allows; see RawScan::texture_faults.
+RawScan read_scan(const std::string& path, const TextColumns& columns = {}, const MemoryBudget& memory = {});
+
+/// Throws Error(kUsage) for a name that is of another kind of file than write_scan() writes.
+void check_scan_output(const std::string& path);
+
+/// As a GLB where the name says so, else as a PLY. Returns what that does not keep, in words.
+std::vector<std::string> write_scan(const std::string& path, const Scan& scan, bool overwrite);
+
+/// Whether write_ply() to that path keeps textures: it is a file, beside which their images can lie.
+bool holds_textures(const std::string& path);
 
 /// Whether a file's name is that of a scan.
 bool has_scan_extension(const std::string& path);
 
-/// The same from bytes in memory; `path` gives the extension and the name in messages.
+/// The same from bytes in memory; `path` gives the extension, the name in messages, and the folder of files
+/// that belong to it. Textures are as their file names them: load_textures() (texture_files.h) is next.
 RawScan parse_scan(std::string_view bytes, const std::string& path, const TextColumns& columns = {});
 
 /// Appends `scan` to `all`; the triangles (points of a cloud) get the object ids after those of `all`.

@@ -36,6 +36,13 @@ inline const char* read_number(const char* first, const char* last, double& valu
   return end;
 }
 
+/// Without the spaces at both ends.
+inline std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
+  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+  return text;
+}
+
 /// A text without the Ctrl-Z or zeros that old programs end it with.
 inline std::string_view without_end_mark(std::string_view text) {
   std::size_t size = text.size(), end = size;
@@ -111,11 +118,11 @@ struct TextCursor {
 
 /// A word as it can be shown in a one-line message: cut to a handful of characters, none of them a control
 /// character.
-inline std::string shown(std::string_view word) {
-  std::string text(word.substr(0, 24));
+inline std::string shown(std::string_view word, std::size_t most = 24) {
+  std::string text(word.substr(0, most));
   for (char& c : text)
     if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = '?';
-  return "'" + text + (word.size() > 24 ? "...'" : "'");
+  return "'" + text + (word.size() > most ? "...'" : "'");
 }
 
 }  // namespace rbvh

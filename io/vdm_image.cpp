@@ -1,12 +1,10 @@
 #include "io/vdm_image.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <filesystem>
 
 #include "io/exr_header.h"
+#include "io/foreign_image.h"
 #include "io/image_module.h"
 #include "io/input_file.h"
 #include "io/max_expansion.h"
@@ -20,40 +18,6 @@ namespace {
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(ErrorKind::kInput, path, one_line(why) + "; bake the proxy again");
 }
-
-/// Whether a PNG's chunks are whole: libpng would read on past the file's end, for up to 2 GB.
-bool png_chunks_fit(std::string_view file) {
-  constexpr std::size_t kSignature = 8, kAroundData = 12;  // length, name, check sum
-  for (std::size_t at = kSignature; at < file.size();) {
-    if (file.size() - at < kAroundData) return false;
-    std::uint32_t size = 0;
-    for (std::size_t i = 0; i < 4; ++i) size = size << 8 | static_cast<unsigned char>(file[at + i]);
-    if (size > file.size() - at - kAroundData) return false;
-    if (file.substr(at + 4, 4) == "IEND") return true;
-    at += kAroundData + size;
-  }
-  return false;
-}
-
-/// libpng says its errors and warnings on stderr itself; ours are one line.
-class StderrAside {
- public:
-  StderrAside() : kept_(::dup(STDERR_FILENO)) {
-    const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (kept_ >= 0 && nowhere >= 0) ::dup2(nowhere, STDERR_FILENO);
-    if (nowhere >= 0) ::close(nowhere);
-  }
-  ~StderrAside() {
-    if (kept_ < 0) return;
-    ::dup2(kept_, STDERR_FILENO);
-    ::close(kept_);
-  }
-  StderrAside(const StderrAside&) = delete;
-  StderrAside& operator=(const StderrAside&) = delete;
-
- private:
-  int kept_;
-};
 
 }  // namespace
 
@@ -98,21 +62,13 @@ std::vector<Vec3f> decode_vdm_exr(std::string_view file, const std::string& path
     map.resize(texels);
     return &map[0].x;
   };
-  const std::string fault = image_module(path).decode("openexr", file, place, thread_count());
+  const std::string fault = image_module(path).decode("openexr", file, place, ImageSpec::Type::kFloat,
+                                                      ImageModule::kAllChannels, thread_count());
   if (!fault.empty()) refuse(path, fault);
   return map;
 }
 
 namespace {
-
-// The format by the file's first bytes.
-const char* format_of(std::string_view bytes) {
-  using namespace std::string_view_literals;
-  if (bytes.starts_with("\x76\x2f\x31\x01"sv)) return "openexr";
-  if (bytes.starts_with("\x89PNG"sv)) return "png";
-  if (bytes.starts_with("II*\0"sv) || bytes.starts_with("MM\0*"sv)) return "tiff";
-  return nullptr;
-}
 
 // Which channels hold the vector: R, G, B by name wherever they are, else the first three. Empty: neither one
 // nor three.
@@ -141,10 +97,13 @@ VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
   const auto refuse_map = [&](const std::string& why) {
     throw Error(ErrorKind::kInput, path, one_line(why));
   };
-  const char* format = format_of(file);
-  if (format == nullptr) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
+  const char* format = image_format(file);
+  const bool is_map =
+      format != nullptr && (format == std::string_view("openexr") || format == std::string_view("png") ||
+                            format == std::string_view("tiff"));
+  if (!is_map) refuse_map("is no EXR, PNG or TIFF; export the displacement map as one of these");
   if (format == std::string_view("openexr") && !exr_headers_fit(file)) refuse_map("is cut in its header");
-  if (format == std::string_view("png") && !png_chunks_fit(file)) refuse_map("is cut in one of its chunks");
+  if (is_cut_image(file)) refuse_map("is cut in one of its chunks");
   const StderrAside aside;
   VdmMap map;
   std::vector<std::size_t> channels;
@@ -166,7 +125,8 @@ VdmMap decode_vdm_map(std::string_view file, const std::string& path) {
     values.resize(std::size_t{map.width} * map.height * all);
     return values.data();
   };
-  const std::string fault = image_module(path).decode(format, file, place, thread_count());
+  const std::string fault = image_module(path).decode(format, file, place, ImageSpec::Type::kFloat,
+                                                      ImageModule::kAllChannels, thread_count());
   if (!fault.empty()) refuse_map(fault);
   const std::size_t texels = std::size_t{map.width} * map.height;
   map.channels = static_cast<std::uint32_t>(channels.size());

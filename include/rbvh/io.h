@@ -18,8 +18,9 @@ namespace rbvh {
 /// are shifted; see Scan::shift. The file may be hostile. Throws Error(kInput), Error(kBudget).
 Scan load_scan(const std::string& path, const MemoryBudget& memory = {}, const Progress& progress = {});
 
-/// Binary little-endian PLY ("-": standard output). Throws Error(kFailure), also where the file is there and
-/// `overwrite` is not set.
+/// Binary little-endian PLY ("-": standard output). Images of textures go beside it, as NAME.texture0.png;
+/// all files are replaced together. Where nothing can lie beside it (standard output, a pipe), textures are
+/// left out. Throws Error(kFailure), also where a file is there and `overwrite` is not set.
 void write_ply(const std::string& path, const Scan& scan, bool overwrite);
 
 /// Binary glTF 2.0, for viewers: a mesh's triangles, or a cloud's points with their radii as `_RADIUS`; with

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,31 @@ struct Viewpoint {
   std::int32_t last_object = std::numeric_limits<std::int32_t>::max();
 };
 
+/// A picture that faces show: sRGB, row by row from the top left.
+struct TextureImage {
+  std::string name;  ///< as the scan's file has it; of one inside of that file what it is called there
+  std::string file;  ///< the picture's own file, byte by byte: PNG, JPEG ...
+  std::uint32_t width = 0, height = 0;
+  std::vector<Color8> texels;
+};
+
+/// How a texture goes on beside its image.
+enum class TextureWrap : std::uint8_t { kRepeat, kMirror, kClamp };
+
+struct Texture {
+  std::shared_ptr<const TextureImage> image;
+  TextureWrap wrap_u = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
+  bool times_colors = false;  ///< it multiplies the vertices' colours (in linear light); else it hides them
+};
+
+/// What a face shows, and where its corners lie in that: u to the right and v up, (0, 0) and (1, 1) being the
+/// image's lower left and upper right corner.
+struct FaceTexture {
+  static constexpr std::uint32_t kNone = UINT32_MAX;
+  std::uint32_t texture = kNone;
+  std::array<std::array<float, 2>, 3> corners{};
+};
+
 /// What every scan carries beside its positions. Per-vertex arrays are empty or as long as the positions.
 struct ScanAttributes {
   std::vector<Vec3f> normals;
@@ -38,9 +64,12 @@ struct ScanAttributes {
   std::vector<ScalarProperty> properties;
   std::vector<Triangle> triangles;  ///< empty: a cloud
   std::vector<std::int32_t>
-      object_ids;                     ///< one per triangle (mesh) or per point (cloud), or empty: one object
-  std::vector<Viewpoint> viewpoints;  ///< at most one for each file that was merged
-  std::string units;                  ///< of the coordinates: mm, cm, m, km, in or ft; empty: not known
+      object_ids;  ///< one per triangle (mesh) or per point (cloud), or empty: one object
+  std::vector<Texture> textures;
+  std::vector<FaceTexture> face_textures;   ///< one per triangle, or empty
+  std::vector<std::string> texture_faults;  ///< what textures its file has and could not be had, in words
+  std::vector<Viewpoint> viewpoints;        ///< at most one for each file that was merged
+  std::string units;                        ///< of the coordinates: mm, cm, m, km, in or ft; empty: not known
 };
 
 /// A scan as a file has it, before its coordinates are made small enough for float.

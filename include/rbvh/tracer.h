@@ -50,8 +50,9 @@ struct Tracer {
   virtual void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                          const Buffer<std::uint32_t>* steps = nullptr) const = 0;
 
-  /// Smooth normals and colours at hits of this tracer.
-  virtual SurfaceSamples surface(std::span<const Hit> hits) const = 0;
+  /// Smooth normals and colours at hits of this tracer. `spread`: the rays' width over their length, over
+  /// which textures are averaged; 0: they are not.
+  virtual SurfaceSamples surface(std::span<const Hit> hits, float spread) const = 0;
 
   /// Bytes on the device, caches at their limit.
   virtual std::uint64_t memory() const = 0;

@@ -30,7 +30,7 @@ Image trace_ambient_occlusion(const Tracer& primary, const Tracer& secondary, co
     const CameraRays rays = camera_rays(camera, config.width, config.height, static_cast<double>(offset[0]),
                                         static_cast<double>(offset[1]));
     const std::vector<Hit>& hits = primary_batch.cast(primary, rays);
-    const SurfaceSamples surface = primary.surface(hits);
+    const SurfaceSamples surface = primary.surface(hits, 0);
     std::vector<Ray> open(hits.size());
     parallel_for(hits.size(), kPathGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {

@@ -84,7 +84,7 @@ Image render_cached(const Tracer& tracer, const LitLevel& lit, const Camera& cam
     intersect(tracer, rays, false, cast);
     times.trace += watch.lap();
     times.rays += cast.hits.size();
-    const SurfaceSamples surface = tracer.surface(cast.hits);
+    const SurfaceSamples surface = tracer.surface(cast.hits, sample_spread(rays, samples));
     const std::vector<float> values = sample_layer_at_hits(*lit.level, *lit.light, cast.hits);
     parallel_for(cast.hits.size(), kPathGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {

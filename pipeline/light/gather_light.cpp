@@ -33,7 +33,7 @@ std::vector<Vec3f> gather_light(const Tracer& tracer, std::span<const Vec3f> poi
         wave.hits[i] = hit_at(normals[first + i]);
       }
       for (int bounce = 1; bounce <= config.max_bounces && !wave.paths.empty(); ++bounce)
-        step(trace, bounce == 1 ? start : tracer.surface(wave.hits), sample, bounce);
+        step(trace, bounce == 1 ? start : tracer.surface(wave.hits, 0), sample, bounce);
       report(progress, "light",
              (static_cast<double>(first / kPathsAtOnce) + (sample + 1.) / config.samples) /
                  static_cast<double>(bands));

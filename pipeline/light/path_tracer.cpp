@@ -49,7 +49,7 @@ void trace_sample(PathTrace& trace, const CameraRays& rays, int sample) {
     start_wave(trace, rays, row, std::min(band, height - row));
     for (int bounce = 1; bounce <= trace.config.max_bounces && !trace.wave.paths.empty(); ++bounce) {
       const Tracer& tracer = bounce == 1 ? trace.primary : trace.secondary;
-      SurfaceSamples surface = tracer.surface(trace.wave.hits);
+      SurfaceSamples surface = tracer.surface(trace.wave.hits, sample_spread(rays, trace.config.samples));
       if (bounce == 1 && trace.config.colors) surface.colors = trace.config.colors(trace.wave.hits);
       step(trace, surface, sample, bounce);
     }

@@ -178,7 +178,7 @@ Image render_soft(const Tracer& primary, const Tracer& secondary, const Camera& 
     pixel_angle = length(array3(rays.up));
     const std::vector<Hit>& hits = seen.cast(primary, rays);
     timings.trace += watch.lap();
-    SurfaceSamples surface = primary.surface(hits);
+    SurfaceSamples surface = primary.surface(hits, sample_spread(rays, samples));
     if (config.colors) surface.colors = config.colors(hits);
     add_shaded(rays, hits, surface, config.up, 1 / static_cast<float>(samples), picture, &by_key);
     add_light_rays(rays, hits, surface, look, sample, lighting, rays_out);

@@ -10,6 +10,7 @@
 #include "pipeline/measure/surface_distance.h"
 #include "pipeline/rbvh/level_surface.h"
 #include "pipeline/render/shade.h"
+#include "pipeline/trace/camera_rays.h"
 #include "pipeline/trace/make_tracer.h"
 
 namespace rbvh {
@@ -46,7 +47,7 @@ class Pictures {
 
  private:
   Image picture(const Tracer& tracer, const CameraRays& rays, std::span<const Hit> hits) const {
-    return shade(rays, hits, tracer.surface(hits), up_);
+    return shade(rays, hits, tracer.surface(hits, sample_spread(rays, 1)), up_);
   }
 
   const Tracer& exact_tracer_;

@@ -40,7 +40,7 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
     times.trace += watch.lap();
     times.rays += hits.size();
     if (is_shaded) {
-      SurfaceSamples surface = tracer.surface(hits);
+      SurfaceSamples surface = tracer.surface(hits, sample_spread(rays, samples));
       if (config.colors) surface.colors = config.colors(hits);
       add_shaded(rays, hits, surface, config.up, 1 / static_cast<float>(samples), picture);
     } else {

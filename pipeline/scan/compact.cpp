@@ -33,6 +33,7 @@ void keep_triangles(Scan& scan, std::span<const std::uint8_t> keep) {
   RBVH_CHECK(keep.size() == scan.triangles.size());
   keep_entries(scan.triangles, keep);
   keep_entries(scan.object_ids, keep);
+  keep_entries(scan.face_textures, keep);
 }
 
 }  // namespace rbvh

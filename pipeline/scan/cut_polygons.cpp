@@ -14,6 +14,7 @@ constexpr std::size_t kMostToCross = 2000;
 struct Point {
   double x, y;
 };
+using Ear = std::array<std::size_t, 3>;
 
 /// Twice the signed area.
 double area(Point a, Point b, Point c) { return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x); }
@@ -74,7 +75,7 @@ class EarCutter {
   }
 
   /// Triangles as indices of points; false where the edges cross.
-  bool cut(std::vector<std::array<std::size_t, 3>>& triangles) {
+  bool cut(std::vector<Ear>& triangles) {
     bool sound = true;
     std::size_t left = points_.size(), at = 0, tried = 0;
     while (left > 3) {
@@ -113,8 +114,10 @@ class EarCutter {
 
 enum class Cut { kGood, kCrossing, kTooMany };
 
+/// `ears`: the triangles that the fan becomes, as numbers of corners; none: it stays.
 Cut cut_polygon(std::span<const std::uint32_t> corners, std::span<const Vec3d> positions,
-                std::span<Triangle> triangles) {
+                std::span<const Triangle> triangles, std::vector<Ear>& ears) {
+  ears.clear();
   const std::vector<Point> points = project(corners, positions);
   if (points.empty()) {
     // No area in all, but in parts: they cancel out.
@@ -126,23 +129,31 @@ Cut cut_polygon(std::span<const std::uint32_t> corners, std::span<const Vec3d> p
   }
   if (is_filled_by_fan(points)) return Cut::kGood;
   if (corners.size() > kMostCorners) return Cut::kTooMany;
-  std::vector<std::array<std::size_t, 3>> ears;
   const bool sound = EarCutter(points).cut(ears) && !has_crossing_edges(points);
-  for (std::size_t t = 0; t < ears.size(); ++t)
-    triangles[t] = {corners[ears[t][0]], corners[ears[t][1]], corners[ears[t][2]]};
   return sound ? Cut::kGood : Cut::kCrossing;
 }
 
 }  // namespace
 
 void Fans::cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
-                     std::vector<std::string>& notes) const {
+                     std::vector<std::string>& notes, std::span<FaceTexture> textures) const {
   std::size_t crossing = 0, too_many = 0;
   std::vector<std::uint32_t> corners;
+  std::vector<std::array<float, 2>> places;
+  std::vector<Ear> ears;
   for (const Fan& fan : fans_) {
     corners.assign({triangles[fan.first][0], triangles[fan.first][1]});
     for (std::size_t t = 0; t < fan.count; ++t) corners.push_back(triangles[fan.first + t][2]);
-    const Cut cut = cut_polygon(corners, positions, std::span(triangles).subspan(fan.first, fan.count));
+    const Cut cut = cut_polygon(corners, positions, std::span(triangles).subspan(fan.first, fan.count), ears);
+    for (std::size_t t = 0; t < ears.size(); ++t)
+      for (std::size_t c = 0; c < 3; ++c) triangles[fan.first + t][c] = corners[ears[t][c]];
+    if (!ears.empty() && !textures.empty()) {
+      const auto own = textures.subspan(fan.first, fan.count);
+      places.assign({own[0].corners[0], own[0].corners[1]});
+      for (const FaceTexture& face : own) places.push_back(face.corners[2]);
+      for (std::size_t t = 0; t < ears.size(); ++t)
+        for (std::size_t c = 0; c < 3; ++c) own[t].corners[c] = places[ears[t][c]];
+    }
     crossing += cut == Cut::kCrossing;
     too_many += cut == Cut::kTooMany;
   }

@@ -21,9 +21,10 @@ class Fans {
   }
 
   /// Cuts again those that are concave or have corners on a straight line. Polygons whose edges cross, or of
-  /// too many corners, are counted in `notes`, and stay as good as they are.
+  /// too many corners, are counted in `notes`, and stay as good as they are. `textures`: the triangles' own,
+  /// or empty.
   void cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
-                 std::vector<std::string>& notes) const;
+                 std::vector<std::string>& notes, std::span<FaceTexture> textures = {}) const;
 
  private:
   struct Fan {

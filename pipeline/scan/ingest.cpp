@@ -36,7 +36,7 @@ std::size_t complete_mesh_normals(Scan& scan) {
 
 void flip(Scan& scan) {
   for (Vec3f& normal : scan.normals) normal = -normal;
-  for (Triangle& triangle : scan.triangles) std::swap(triangle[1], triangle[2]);
+  for (std::size_t face = 0; face < scan.triangles.size(); ++face) turn_face(scan, face);
 }
 
 std::size_t count_objects(const Scan& scan) {
@@ -51,7 +51,8 @@ std::size_t count_objects(const Scan& scan) {
 std::uint64_t ingest_memory(const RawScan& scan) {
   const std::uint64_t vertices = scan.positions.size();
   return scan.triangles.empty() ? vertices * kBytesPerPoint
-                                : vertices * kBytesPerVertex + scan.triangles.size() * kBytesPerFace;
+                                : vertices * kBytesPerVertex + scan.triangles.size() * kBytesPerFace +
+                                      scan.face_textures.size() * sizeof(FaceTexture);
 }
 
 void check_usable(const Scan& scan, const std::string& file) {

@@ -57,6 +57,13 @@ void visit_edges(const Scan& scan, OnJoint&& on_joint, OnOpen&& on_open) {
 
 }  // namespace
 
+void turn_face(Scan& scan, std::size_t face) {
+  std::swap(scan.triangles[face][1], scan.triangles[face][2]);
+  if (scan.face_textures.empty()) return;
+  auto& corners = scan.face_textures[face].corners;
+  std::swap(corners[1], corners[2]);
+}
+
 WindingCounts count_winding(const Scan& scan) {
   WindingCounts counts;
   visit_edges(
@@ -143,7 +150,7 @@ WindingCounts orient_faces(Scan& scan) {
   }
   for (std::size_t f = 0; f < count; ++f) {
     if (!turn[f]) continue;
-    std::swap(scan.triangles[f][1], scan.triangles[f][2]);
+    turn_face(scan, f);
     ++counts.turned;
   }
   if (counts.turned > 0) scan.normals.clear();

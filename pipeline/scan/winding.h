@@ -13,6 +13,9 @@ struct WindingCounts {
   std::size_t turned = 0;    ///< faces that orient_faces() turned
 };
 
+/// To its other side.
+void turn_face(Scan& scan, std::size_t face);
+
 /// Vertices at one place count as one.
 WindingCounts count_winding(const Scan& scan);
 

@@ -77,4 +77,15 @@ std::vector<std::string> level_names(const Asset& asset) {
   return names;
 }
 
+std::vector<std::string> texture_faults(const Asset& asset) {
+  if (const Scan* scan = asset.scan()) return scan->texture_faults;
+  std::vector<std::string> all;
+  const Scene* scene = asset.scene();
+  for (std::size_t i = 0; scene != nullptr && i < scene->objects.size(); ++i)
+    if (const Scan* scan = scene->objects[i].scan())
+      for (const std::string& fault : scan->texture_faults)
+        all.push_back("object \"" + scene->objects[i].name + "\": " + fault);
+  return all;
+}
+
 }  // namespace rbvh

@@ -1,7 +1,9 @@
 // What an Asset holds: one of the three kinds.
 #pragma once
 
+#include <string>
 #include <variant>
+#include <vector>
 
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/scene/scene.h"
@@ -17,5 +19,8 @@ struct AssetContent {
 /// Without path and name.
 Asset make_asset(Rbvh&& rbvh);
 Asset make_asset(Scene&& scene);
+
+/// ScanAttributes::texture_faults of its scans.
+std::vector<std::string> texture_faults(const Asset& asset);
 
 }  // namespace rbvh

@@ -1,6 +1,8 @@
 // A camera's rays on the host, as the kernels compute them (kernels/common/camera_rays.h), and their hits.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -21,6 +23,11 @@ struct CameraHits {
 
 /// Casts a camera's rays in bands that fit the device.
 void intersect(const Tracer& tracer, const CameraRays& camera, bool count_steps, CameraHits& out);
+
+/// How far apart a picture's samples are at distance 1: what Tracer::surface() averages over.
+inline float sample_spread(const CameraRays& rays, int samples) {
+  return std::hypot(rays.up[0], rays.up[1], rays.up[2]) / std::sqrt(static_cast<float>(std::max(1, samples)));
+}
 
 /// The unit direction of one pixel's ray.
 inline Vec3f pixel_direction(const CameraRays& rays, std::uint32_t x, std::uint32_t y) {

@@ -5,6 +5,7 @@
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/base/vector_math.h"
 #include "pipeline/bvh/sah_binned_bvh.h"
+#include "pipeline/scan/linear_color.h"
 #include "pipeline/trace/surface.h"
 
 namespace rbvh {

@@ -13,20 +13,12 @@
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
 #include "pipeline/scan/creases.h"
+#include "pipeline/scan/linear_color.h"
 
 namespace rbvh {
 namespace {
 
 bool is_hit(const Hit& hit) { return std::isfinite(hit.t); }
-
-const std::array<float, 256>& srgb_table() {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> t{};
-    for (std::size_t i = 0; i < 256; ++i) t[i] = srgb_to_linear(static_cast<float>(i) / 255);
-    return t;
-  }();
-  return table;
-}
 
 Vec3f unpack_color(std::uint16_t packed) {
   const Vec3f c = unpack_srgb(packed);
@@ -68,10 +60,6 @@ Footprint footprint(const Level& level, const std::vector<std::uint16_t>& height
 
 }  // namespace
 
-Vec3f linear_color(const Color8& color) {
-  return {srgb_table()[color[0]], srgb_table()[color[1]], srgb_table()[color[2]]};
-}
-
 ShadingNormals shading_normals(const Scan& scan) {
   if (!scan.normals.empty()) return {scan.normals, {}};
   CreasedMesh creased = split_creases(scan);
@@ -80,18 +68,19 @@ ShadingNormals shading_normals(const Scan& scan) {
           creased.copies.empty() ? std::vector<Triangle>() : std::move(creased.triangles)};
 }
 
-SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, std::span<const Hit> hits) {
+SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, const TextureSampler& textures,
+                              std::span<const Hit> hits, float spread) {
   SurfaceSamples samples;
   samples.normals.resize(hits.size());
   const bool has_colors = !mesh.colors.empty();
-  if (has_colors) samples.colors.resize(hits.size());
+  if (has_colors || !mesh.textures.empty()) samples.colors.resize(hits.size(), kClay);
   parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Hit& hit = hits[i];
       if (!is_hit(hit)) continue;
       const Triangle& corners = mesh.triangles[hit.leaf];
       const Triangle& sides = normals.corners.empty() ? corners : normals.corners[hit.leaf];
-      const float weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
+      const std::array<float, 3> weights = {1 - hit.u - hit.v, hit.u, hit.v};
       Vec3f normal{}, color{};
       for (std::size_t k = 0; k < 3; ++k) {
         normal = normal + normals.normals[sides[k]] * weights[k];
@@ -100,6 +89,7 @@ SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, s
       normal = normalized(normal);
       samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
       if (has_colors) samples.colors[i] = color;
+      if (const auto shown = textures.color(hit.leaf, weights, spread * hit.t)) samples.colors[i] = *shown;
     }
   });
   return samples;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "pipeline/rbvh/rbvh.h"
+#include "pipeline/scan/texture_sampler.h"
 #include "rbvh/scan.h"
 #include "rbvh/tracer.h"
 
@@ -18,12 +19,10 @@ struct ShadingNormals {
 };
 ShadingNormals shading_normals(const Scan& scan);
 
-/// A vertex's colour in linear light.
-Vec3f linear_color(const Color8& color);
-
-/// Interpolated over the triangle of the mesh that was hit. `normals`: shading_normals(). Those of clouds:
-/// disc_surface.h.
-SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, std::span<const Hit> hits);
+/// Interpolated over the triangle of the mesh that was hit. `normals`: shading_normals(). `textures`: those
+/// of the mesh; `spread`: as Tracer::surface()'s. Clouds: disc_surface.h.
+SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, const TextureSampler& textures,
+                              std::span<const Hit> hits, float spread);
 
 /// Bilinear over the texels of the level's normal and colour layers that have a surface. The geometric normal
 /// where the level has no such layer.

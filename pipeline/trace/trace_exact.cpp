@@ -168,13 +168,14 @@ void ExactTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
            references, scene, camera, hits, steps != nullptr ? *steps : Buffer<std::uint32_t>());
 }
 
-SurfaceSamples ExactTracer::surface(std::span<const Hit> hits) const {
+SurfaceSamples ExactTracer::surface(std::span<const Hit> hits, float spread) const {
   if (scan->is_cloud()) {
     if (!discs) discs = std::make_shared<const DiscSurface>(make_disc_surface(*scan));
     return sample_surface(*scan, *discs, hits);
   }
   if (!normals) normals = std::make_shared<const ShadingNormals>(shading_normals(*scan));
-  return sample_surface(*scan, *normals, hits);
+  if (!textures) textures = std::make_shared<const TextureSampler>(*scan);
+  return sample_surface(*scan, *normals, *textures, hits, spread);
 }
 
 ExactVisits mean_visits(const ExactTracer& tracer, const Buffer<Ray>& rays, std::size_t count,

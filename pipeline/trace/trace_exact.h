@@ -41,6 +41,7 @@ struct ExactTracer final : Tracer {
   /// For shading, made when first wanted: of a mesh, and of a cloud.
   mutable std::shared_ptr<const ShadingNormals> normals;
   mutable std::shared_ptr<const DiscSurface> discs;
+  mutable std::shared_ptr<const TextureSampler> textures;
 
   using Tracer::Tracer;
   /// Hit.leaf is the triangle's or point's index in the scan; of several at the same t the lowest. A
@@ -51,7 +52,7 @@ struct ExactTracer final : Tracer {
   /// In beams `steps` are what the ray's beam visited.
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
-  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  SurfaceSamples surface(std::span<const Hit> hits, float spread) const override;
   std::uint64_t memory() const override { return node_bytes() + primitive_bytes(); }
 };
 

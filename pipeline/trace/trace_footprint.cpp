@@ -138,7 +138,7 @@ void FootprintTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hit
 }
 
 /// Level by level, with the others' hits taken for misses.
-SurfaceSamples FootprintTracer::surface(std::span<const Hit> hits) const {
+SurfaceSamples FootprintTracer::surface(std::span<const Hit> hits, float of_rays) const {
   SurfaceSamples all;
   all.normals.resize(hits.size());
   for (std::size_t i = 0; i < levels.size(); ++i) {
@@ -150,7 +150,7 @@ SurfaceSamples FootprintTracer::surface(std::span<const Hit> hits) const {
       else
         hit.t = std::numeric_limits<float>::infinity();
     }
-    const SurfaceSamples some = levels[i].surface(own);
+    const SurfaceSamples some = levels[i].surface(own, of_rays);
     if (!some.colors.empty()) all.colors.resize(hits.size());
     for (std::size_t k = 0; k < own.size(); ++k) {
       if (!std::isfinite(own[k].t)) continue;

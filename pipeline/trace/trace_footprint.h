@@ -25,7 +25,7 @@ struct FootprintTracer final : Tracer {
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
-  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  SurfaceSamples surface(std::span<const Hit> hits, float of_rays) const override;
   std::uint64_t memory() const override;
 };
 

@@ -45,7 +45,9 @@ struct FrontTracer final : Tracer {
     Buffer<Hit>(hits).write(found);
   }
 
-  SurfaceSamples surface(std::span<const Hit> hits) const override { return of->surface(hits); }
+  SurfaceSamples surface(std::span<const Hit> hits, float spread) const override {
+    return of->surface(hits, spread);
+  }
   std::uint64_t memory() const override { return of->memory(); }
 
  private:

@@ -68,7 +68,7 @@ struct PatchTracer final : Tracer {
   /// At that camera's detail.
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
-  SurfaceSamples surface(std::span<const Hit> hits) const override { return geometric_surface(hits); }
+  SurfaceSamples surface(std::span<const Hit> hits, float) const override { return geometric_surface(hits); }
   std::uint64_t memory() const override;
 };
 

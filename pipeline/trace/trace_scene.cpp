@@ -215,7 +215,7 @@ void SceneTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   trace_with_levels(*this, rays, hits, pixels, RayQuery::kNearest, steps, camera.width);
 }
 
-SurfaceSamples SceneTracer::surface(std::span<const Hit> hits) const {
+SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) const {
   const Scene& scene = *state->scene;
   const std::vector<std::uint32_t>& first = state->first_leaf;
   std::vector<std::vector<std::size_t>> pixels(scene.instances.size());
@@ -239,6 +239,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits) const {
     const auto to_world_normal = [&](const Vec3f& n) {
       return static_cast<Vec3f>(normalized(to_object.transposed(static_cast<Vec3d>(n))));
     };
+    const auto own_spread = spread * static_cast<float>(std::cbrt(std::abs(to_object.determinant())));
     std::vector<Hit> own;
     for (const std::size_t i : pixels[k]) {
       own.push_back(hits[i]);
@@ -248,7 +249,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits) const {
       const Vec3f n = static_cast<Vec3f>(normalized(instance.to_world.transposed(world)));
       for (int axis = 0; axis < 3; ++axis) own.back().normal[axis] = n[axis];
     }
-    const SurfaceSamples samples = state->tracers[state->number[instance.object]]->surface(own);
+    const SurfaceSamples samples = state->tracers[state->number[instance.object]]->surface(own, own_spread);
     if (!samples.colors.empty() && all.colors.empty()) all.colors.assign(hits.size(), kClay);
     for (std::size_t n = 0; n < pixels[k].size(); ++n) {
       all.normals[pixels[k][n]] = to_world_normal(samples.normals[n]);

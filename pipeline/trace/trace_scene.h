@@ -36,7 +36,7 @@ struct SceneTracer final : Tracer {
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   /// By each object's own normals and colours.
-  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  SurfaceSamples surface(std::span<const Hit> hits, float spread) const override;
   std::uint64_t memory() const override;
 };
 

@@ -54,7 +54,9 @@ void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   }
 }
 
-SurfaceSamples TileTracer::surface(std::span<const Hit> hits) const { return sample_surface(*level, hits); }
+SurfaceSamples TileTracer::surface(std::span<const Hit> hits, float) const {
+  return sample_surface(*level, hits);
+}
 
 std::uint64_t TileTracer::memory() const {
   return nodes.size_bytes() + tiles.size_bytes() + heights.size_bytes() + blocks.size_bytes();

@@ -33,7 +33,7 @@ struct TileTracer final : Tracer {
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
   void intersect(const CameraRays& camera, const Buffer<Hit>& hits,
                  const Buffer<std::uint32_t>* steps = nullptr) const override;
-  SurfaceSamples surface(std::span<const Hit> hits) const override;
+  SurfaceSamples surface(std::span<const Hit> hits, float spread) const override;
   std::uint64_t memory() const override;
 };
 

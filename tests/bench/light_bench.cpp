@@ -47,8 +47,8 @@ struct EmbreeTracer : Tracer {
                            static_cast<std::uint32_t>(i / camera.width));
     cast(batch, hits, RayQuery::kNearest, true);
   }
-  SurfaceSamples surface(std::span<const Hit> hits) const override {
-    return sample_surface(*scan, normals, hits);
+  SurfaceSamples surface(std::span<const Hit> hits, float spread) const override {
+    return sample_surface(*scan, normals, TextureSampler(*scan), hits, spread);
   }
   std::uint64_t memory() const override { return embree->bytes(); }
 

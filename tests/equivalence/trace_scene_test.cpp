@@ -161,7 +161,7 @@ TEST_F(TraceScene, ALevelOfAPairIsWhereItIsPlaced) {
   }
   EXPECT_GT(found, 200u);
   EXPECT_LE(differing, found / 50);
-  const SurfaceSamples samples = tracer.surface(b);
+  const SurfaceSamples samples = tracer.surface(b, 0);
   for (std::size_t i = 0; i < b.size(); ++i) {
     if (b[i].leaf == RBVH_NO_LEAF) continue;
     const Vec3f n = {b[i].normal[0], b[i].normal[1], b[i].normal[2]};

@@ -22,6 +22,11 @@ inline bool is_consistent(const ScanAttributes& scan, std::size_t vertices) {
     for (const std::uint32_t corner : triangle)
       if (corner >= vertices) return false;
   const std::size_t elements = scan.triangles.empty() ? vertices : scan.triangles.size();
+  if (!scan.face_textures.empty() && scan.face_textures.size() != scan.triangles.size()) return false;
+  for (const FaceTexture& face : scan.face_textures)
+    if (face.texture != FaceTexture::kNone && face.texture >= scan.textures.size()) return false;
+  for (const Texture& texture : scan.textures)
+    if (texture.image == nullptr) return false;
   return scan.object_ids.empty() || scan.object_ids.size() == elements;
 }
 

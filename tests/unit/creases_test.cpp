@@ -98,7 +98,7 @@ TEST(Creases, ScansAndTheirLevelsAreShadedFlatBesideThem) {
   const ShadingNormals normals = shading_normals(scan);
   std::vector<Hit> hits(12);
   for (std::uint32_t i = 0; i < hits.size(); ++i) hits[i] = {1, {}, 0.2f, 0.3f, i, 0};
-  const SurfaceSamples samples = sample_surface(scan, normals, hits);
+  const SurfaceSamples samples = sample_surface(scan, normals, TextureSampler(scan), hits, 0);
   for (std::uint32_t i = 0; i < hits.size(); ++i)
     EXPECT_GT(dot(samples.normals[i], face_normal(scan, scan.triangles[i])), 0.9999f) << i;
 

@@ -114,7 +114,7 @@ TEST(SampleSurface, ATriangleBlendsItsCornersInLinearLight) {
   scan.colors = {{255, 255, 255}, {0, 0, 0}, {0, 0, 0}};
   scan.triangles = {{0, 1, 2}};
   const std::vector<Hit> hits = {{1, {0, 0, 1}, 0.25f, 0.5f, 0, 0}, {1, {0, 0, 1}, 0, 0, 0, 0}, kMiss};
-  const SurfaceSamples s = sample_surface(scan, shading_normals(scan), hits);
+  const SurfaceSamples s = sample_surface(scan, shading_normals(scan), TextureSampler(scan), hits, 0);
   const Vec3f expected = normalized(Vec3f{0.25f, 0.25f, 0.5f});
   EXPECT_NEAR(length(s.normals[0] - expected), 0, 1e-6);
   EXPECT_NEAR(s.colors[0].x, 0.25f, 1e-6);
