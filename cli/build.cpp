@@ -88,6 +88,8 @@ void run_build(Context& context, const BuildOptions& options) {
   Scan& scan = source.scan;
   for (const std::string& fault : scan.texture_faults) warn(context, options.file + ": " + fault);
   check_buildable(scan, options.file);
+  if (options.config.color_scale && scan.textures.empty())
+    throw Error(ErrorKind::kUsage, options.file, "--color-scale: it has no textures");
   const ErrorScale scale{static_cast<double>(bounds(scan).diagonal()), scan.units};
   if (options.error)
     config.levels = {
@@ -184,6 +186,9 @@ void add_build(CLI::App& app, Context& context) {
   add_parsed(*stage, "--layer-scale", options->layers.scale, parse_layer_scale, "S",
              "their texels to one of the heights', 0.0625 to 16 (default: 1)")
       ->needs("--layer");
+  add_parsed(*stage, "--color-scale", config.color_scale, parse_layer_scale, "S",
+             "texels of a textured scan's colours to one of the heights', 0.0625 to 16 (default: 2, or "
+             "fewer, as its images have)");
   add_parsed(*stage, "--hybrid", config.hybrid, parse_choice<kHybrids>, "WHEN",
              "which leaves hold triangles or discs: off (none), auto (where tiles are faulty "
              "or take more bytes, default), always");

@@ -1,6 +1,7 @@
 #include "io/load_source.h"
 
 #include <filesystem>
+#include <set>
 
 #include "io/hash.h"
 #include "io/input_file.h"
@@ -20,6 +21,9 @@ SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
   RawScan raw = parse_scan(bytes.view(), path);
   load_textures(raw, path, memory);
   source.scan = shift_to_float(std::move(raw));
+  std::set<const TextureImage*> images;
+  for (const Texture& texture : source.scan.textures)
+    if (images.insert(texture.image.get()).second) source.bytes += texture.image->file.size();
   check_usable(source.scan, path);
   return source;
 }

@@ -14,7 +14,7 @@ struct SourceScan {
   Scan scan;
   std::string name;         ///< of the file, without folders; "stdin" for "-"
   std::uint64_t hash = 0;   ///< of its bytes
-  std::uint64_t bytes = 0;  ///< how many these are
+  std::uint64_t bytes = 0;  ///< how many these are, and those of its textures' images
 };
 
 /// Throws Error(kInput), also where nothing finite is left or all points are equal; Error(kBudget).

@@ -88,6 +88,9 @@ struct BuildConfig {
   std::optional<Focus> focus = std::nullopt;
   double area = 0;  ///< the surface area that the levels' rho is for, scan units squared; 0: the scan's own
   Hybrid hybrid = Hybrid::kAuto;
+  /// Of a textured mesh: texels of the layer `texture` to one of the heights', 1/16 to 16; not set: 2, but no
+  /// more than the images have.
+  std::optional<double> color_scale = std::nullopt;
 };
 
 /// For reports: seconds by phase, summed over levels, of which some are made at once.

@@ -18,6 +18,7 @@
 #include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
 #include "pipeline/rbvh/snap_primitives.h"
+#include "pipeline/rbvh/texture_layer.h"
 #include "pipeline/scan/radii.h"
 #include "pipeline/scan/simplify.h"
 
@@ -72,6 +73,7 @@ LevelRule make_rule(LevelConfig level, const BuildConfig& config, const Scan& sc
           .config = &config,
           .area = area,
           .largest_tile = tuning.largest_tile,
+          .one_sided = tuning.one_sided,
           .error = finest_error(level, config) * diagonal,
           .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
@@ -100,7 +102,7 @@ Level build_of_primitives(const Device& device, const Scan& scan, const Scan& si
                           const LevelRule& rule, const Bounds3f& box, BuildTimings& time) {
   Stopwatch watch;
   const Lattice lattice = lattice_of(rule.error, box);
-  RefinedLevel groups = group_primitives(simplified, lattice);
+  RefinedLevel groups = group_primitives(simplified, lattice, rule.one_sided);
   time.partition += watch.lap();
   Level level = assemble_level(rule.level, groups, simplified, rule.area, lattice);
   sample_error(device, scan, box, level);
@@ -201,13 +203,18 @@ void check_buildable(const Scan& scan, const std::string& file) {
 
 std::uint64_t build_memory(const Scan& scan, const BuildConfig& config) {
   const std::uint64_t primitives = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
-  return scan.positions.size() * kBytesPerVertex + primitives * kBytesPerPrimitive +
-         static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel;
+  const std::uint64_t bytes = scan.positions.size() * kBytesPerVertex + primitives * kBytesPerPrimitive +
+                              static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel;
+  if (scan.textures.empty()) return bytes;
+  return bytes + texture_layer_memory(scan, config.levels, config.color_scale);
 }
 
 Rbvh build_rbvh(const Device& device, const Scan& scan, const BuildConfig& config, const Progress& progress,
                 BuildTimings* timings) {
-  return build_tuned(device, scan, config, {}, progress, timings);
+  if (scan.textures.empty()) return build_tuned(device, scan, config, {}, progress, timings);
+  Rbvh rbvh = build_tuned(device, colored_by_textures(scan), config, {.one_sided = true}, progress, timings);
+  add_texture_layers(rbvh.levels, scan, config.color_scale, progress);
+  return rbvh;
 }
 
 Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& config, const BuildTuning& tuning,

@@ -42,6 +42,7 @@ std::string build_options_json(const BuildConfig& config, const std::optional<Fo
   for (const LevelConfig& level : config.levels) json["levels"].push_back(level.name);
   if (!layers.names.empty()) json["layers"] = layers.names;
   if (!layers.names.empty() && layers.scale != 1) json["layer_scale"] = layers.scale;
+  if (config.color_scale) json["color_scale"] = *config.color_scale;
   return json.dump();
 }
 

@@ -1,4 +1,4 @@
-// Parameters of a build that benchmarks vary and that have a best value.
+// Parameters of a build that users do not see.
 #pragma once
 
 #include "pipeline/rbvh/build.h"
@@ -7,6 +7,8 @@ namespace rbvh {
 
 struct BuildTuning {
   float largest_tile = 0;  ///< side in texels; 0: optimal_resolution()
+  bool one_sided =
+      false;  ///< leaves of triangles, so that layers over their frames reach each (group_primitives.h)
 };
 
 /// build_rbvh() with other values for them.

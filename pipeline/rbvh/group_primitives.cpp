@@ -1,8 +1,10 @@
 #include "pipeline/rbvh/group_primitives.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <span>
+#include <utility>
 
 #include "pipeline/base/parallel_for.h"
 #include "pipeline/bvh/leaf_blocks.h"
@@ -13,6 +15,8 @@ namespace rbvh {
 namespace {
 
 constexpr std::size_t kGrain = 1 << 14;
+/// Of a triangle to its one-sided leaf's mean normal: a cosine.
+constexpr float kLeastFacing = 0.35f;
 
 /// Of each node its elements: order[begin] .. order[end - 1].
 struct Range {
@@ -47,15 +51,38 @@ class Groups {
     return std::all_of(primitives.begin(), primitives.end(),
                        [&](std::uint32_t i) { return object(i) == object(primitives.front()); });
   }
+  bool is_one_sided(std::span<const std::uint32_t> primitives) const {
+    Vec3f mean{};
+    for (const std::uint32_t i : primitives) mean = mean + area_normal(i);
+    mean = normalized(mean);
+    return std::all_of(primitives.begin(), primitives.end(), [&](std::uint32_t i) {
+      const Vec3f n = area_normal(i);
+      return dot(n, mean) >= kLeastFacing * length(n);
+    });
+  }
+  /// The axis that the triangle faces along most, and which way.
+  int side(std::uint32_t primitive) const {
+    const Vec3f n = area_normal(primitive);
+    int axis = 0;
+    for (int i = 1; i < 3; ++i)
+      if (std::abs(n[i]) > std::abs(n[axis])) axis = i;
+    return 2 * axis + (n[axis] < 0);
+  }
   RefinedLevel level;
 
  private:
+  Vec3f area_normal(std::uint32_t primitive) const {
+    const Triangle& t = scan_.triangles[primitive];
+    const Vec3f a = scan_.positions[t[0]];
+    return cross(scan_.positions[t[1]] - a, scan_.positions[t[2]] - a);
+  }
+
   const Scan& scan_;
 };
 
 }  // namespace
 
-RefinedLevel group_primitives(const Scan& scan, const Lattice& lattice) {
+RefinedLevel group_primitives(const Scan& scan, const Lattice& lattice, bool one_sided) {
   const std::size_t count = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
   const std::vector<Vec3f> places = snapped_positions(lattice, scan);
   std::vector<Bounds3f> boxes(count);
@@ -72,15 +99,17 @@ RefinedLevel group_primitives(const Scan& scan, const Lattice& lattice) {
     stack.pop_back();
     const std::span<const std::uint32_t> primitives =
         std::span(bvh.order).subspan(ranges[n].begin, ranges[n].end - ranges[n].begin);
-    if (primitives.size() <= kMostLeafPrimitives && groups.is_one_object(primitives)) {
+    if (primitives.size() <= kMostLeafPrimitives && groups.is_one_object(primitives) &&
+        (!one_sided || groups.is_one_sided(primitives))) {
       groups.add({primitives.begin(), primitives.end()});
     } else if (bvh.nodes[n].count == 0) {
       stack.push_back(bvh.nodes[n].first + 1);
       stack.push_back(bvh.nodes[n].first);
     } else {
-      std::map<std::int32_t, std::vector<std::uint32_t>> by_object;
-      for (const std::uint32_t i : primitives) by_object[groups.object(i)].push_back(i);
-      for (const auto& [object, of_it] : by_object) groups.add(of_it);
+      std::map<std::pair<std::int32_t, int>, std::vector<std::uint32_t>> apart;
+      for (const std::uint32_t i : primitives)
+        apart[{groups.object(i), one_sided ? groups.side(i) : 0}].push_back(i);
+      for (const auto& [of, them] : apart) groups.add(them);
     }
   }
   return std::move(groups.level);

@@ -106,6 +106,10 @@ std::optional<Vec3f> LeafSurface::point(float u, float v, float radius) const {
     Vec3f at = corner[0];
     if (!holds_discs(level_)) {
       const Vec3f &a = corner[0], &b = corner[1], &c = corner[2];
+      const auto beside = [](float p, float q, float r, float place) {
+        return std::max({std::min({p, q, r}) - place, place - std::max({p, q, r})});
+      };
+      if (std::max(beside(a.x, b.x, c.x, u), beside(a.y, b.y, c.y, v)) > least) continue;
       here.weights = nearest_weights({u, v, 0}, {a.x, a.y, 0}, {b.x, b.y, 0}, {c.x, c.y, 0});
       at = a * here.weights[0] + b * here.weights[1] + c * here.weights[2];
     }

@@ -16,7 +16,7 @@
 namespace rbvh {
 namespace {
 
-constexpr std::size_t kGrain = 1 << 12;
+constexpr std::size_t kGrain = 1 << 12, kLeafGrain = 16;
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 }  // namespace
@@ -52,56 +52,78 @@ Layer make_layer(const Level& level, const std::string& name, std::uint32_t chan
 }
 
 LayerPoints layer_points(const Level& level, const Layer& layer) {
-  LayerPoints result;
   const std::vector<std::uint32_t> firsts = first_primitives(level);
-  for (std::uint32_t k = 0; k < level.leaves.size(); ++k) {
-    const LeafSurface surface(level, k, firsts[k]);
-    const LayerGrid grid(level, layer, k);
-    for (int y = 0; y < grid.tile.height; ++y)
-      for (int x = 0; x < grid.tile.width; ++x) {
-        const float u = static_cast<float>(x) / grid.per_u, v = static_cast<float>(y) / grid.per_v;
-        // Coarse texels extend past the heights' border, as fine ones do: reads there use all four.
-        const float side = std::max(1 / grid.per_u, 1 / grid.per_v);
-        const std::optional<Vec3f> point = surface.point(u, v, side > 1 ? 1.5f * side : 0);
-        if (!point) continue;
-        result.texels.push_back(grid.texel(x, y));
-        result.points.push_back(*point);
-      }
+  std::vector<LayerPoints> of_leaves(level.leaves.size());
+  parallel_for(level.leaves.size(), kLeafGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto leaf = static_cast<std::uint32_t>(k);
+      const LeafSurface surface(level, leaf, firsts[k]);
+      const LayerGrid grid(level, layer, leaf);
+      for (int y = 0; y < grid.tile.height; ++y)
+        for (int x = 0; x < grid.tile.width; ++x) {
+          const float u = static_cast<float>(x) / grid.per_u, v = static_cast<float>(y) / grid.per_v;
+          // Coarse texels extend past the heights' border, as fine ones do: reads there use all four.
+          const float side = std::max(1 / grid.per_u, 1 / grid.per_v);
+          const std::optional<Vec3f> point = surface.point(u, v, side > 1 ? 1.5f * side : 0);
+          if (!point) continue;
+          of_leaves[k].texels.push_back(grid.texel(x, y));
+          of_leaves[k].points.push_back(*point);
+        }
+    }
+  });
+  LayerPoints result;
+  for (LayerPoints& some : of_leaves) {
+    result.texels.insert(result.texels.end(), some.texels.begin(), some.texels.end());
+    result.points.insert(result.points.end(), some.points.begin(), some.points.end());
+    some = {};
   }
   return result;
 }
 
-std::vector<float> property_at(const Scan& scan, const ScalarProperty& property,
-                               std::span<const Vec3f> points) {
-  // A cloud's points become degenerate triangles.
+NearestPlaces::NearestPlaces(const Scan& scan) : scan_(scan) {
   TriangleSoup soup;
-  std::vector<Triangle> corners;
-  const auto add = [&](const Triangle& t) {
+  const auto add = [&](std::size_t element, const Triangle& t) {
     for (const std::uint32_t i : t)
       if (!is_finite(scan.positions[i])) return;
-    corners.push_back(t);
+    elements_.push_back(static_cast<std::uint32_t>(element));
     for (const std::uint32_t i : t) soup.push_back(scan.positions[i]);
   };
-  for (const Triangle& t : scan.triangles) add(t);
-  if (scan.is_cloud())
-    for (std::uint32_t i = 0; i < scan.positions.size(); ++i) add({i, i, i});
-  const ClosestPoint closest(std::move(soup));
+  for (std::size_t i = 0; i < scan.triangles.size(); ++i) add(i, scan.triangles[i]);
+  if (scan.is_cloud())  // its points as degenerate triangles
+    for (std::uint32_t i = 0; i < scan.positions.size(); ++i) add(i, {i, i, i});
+  closest_.emplace(std::move(soup));
+}
+
+std::optional<NearestPlaces::Place> NearestPlaces::find(Vec3f point) const {
+  const ClosestPoint::Nearest nearest = closest_->find(point);
+  if (!std::isfinite(nearest.distance)) return {};
+  Place place{.element = elements_[nearest.triangle]};
+  if (scan_.is_cloud()) return place;
+  const Triangle& t = scan_.triangles[place.element];
+  const Vec3f a = scan_.positions[t[0]], ab = scan_.positions[t[1]] - a, ac = scan_.positions[t[2]] - a,
+              ap = nearest.point - a, n = cross(ab, ac);
+  const float area = dot(n, n);
+  const float v = area > 0 ? std::clamp(dot(cross(ap, ac), n) / area, 0.0f, 1.0f) : 0;
+  const float w = area > 0 ? std::clamp(dot(cross(ab, ap), n) / area, 0.0f, 1.0f) : 0;
+  place.weights = {std::max(0.0f, 1 - v - w), v, w};
+  return place;
+}
+
+std::vector<float> property_at(const Scan& scan, const ScalarProperty& property,
+                               std::span<const Vec3f> points) {
+  const NearestPlaces places(scan);
   std::vector<float> values(points.size(), kNone);
   parallel_for(points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const ClosestPoint::Nearest nearest = closest.find(points[i]);
-      if (!std::isfinite(nearest.distance)) continue;
-      const Triangle& t = corners[nearest.triangle];
-      const Vec3f a = scan.positions[t[0]], ab = scan.positions[t[1]] - a, ac = scan.positions[t[2]] - a,
-                  ap = nearest.point - a, n = cross(ab, ac);
-      const float area = dot(n, n);
-      const float v = area > 0 ? std::clamp(dot(cross(ap, ac), n) / area, 0.0f, 1.0f) : 0;
-      const float w = area > 0 ? std::clamp(dot(cross(ab, ap), n) / area, 0.0f, 1.0f) : 0;
-      const auto weighted = [&](std::size_t corner, float weight) {
-        return weight > 0 ? property.values[t[corner]] * weight
-                          : 0.0f;  // a NaN must not spread to where its weight is 0
-      };
-      values[i] = weighted(0, std::max(0.0f, 1 - v - w)) + weighted(1, v) + weighted(2, w);
+      const std::optional<NearestPlaces::Place> place = places.find(points[i]);
+      if (!place) continue;
+      float value = 0;
+      for (std::size_t c = 0; c < 3; ++c) {
+        if (!(place->weights[c] > 0)) continue;  // a NaN must not spread to where its weight is 0
+        const std::uint32_t vertex = scan.is_cloud() ? place->element : scan.triangles[place->element][c];
+        value += property.values[vertex] * place->weights[c];
+      }
+      values[i] = value;
     }
   });
   return values;

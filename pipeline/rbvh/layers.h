@@ -1,11 +1,14 @@
 // A level's layers: made, and filled from a scan's vertex properties.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "pipeline/rbvh/rbvh.h"
+#include "pipeline/scan/closest_point.h"
 #include "rbvh/progress.h"
 #include "rbvh/scan.h"
 
@@ -22,6 +25,23 @@ struct LayerPoints {
   std::vector<Vec3f> points;
 };
 LayerPoints layer_points(const Level& level, const Layer& layer);
+
+/// The nearest places on a mesh's finite triangles, or a cloud's points.
+class NearestPlaces {
+ public:
+  explicit NearestPlaces(const Scan& scan);
+
+  struct Place {
+    std::uint32_t element = 0;              ///< triangle, or point
+    std::array<float, 3> weights{1, 0, 0};  ///< of its corners
+  };
+  std::optional<Place> find(Vec3f point) const;
+
+ private:
+  std::vector<std::uint32_t> elements_;  ///< of the soup
+  std::optional<ClosestPoint> closest_;
+  const Scan& scan_;
+};
 
 /// The property at the point of the scan that is nearest to each point: interpolated in a triangle, or that
 /// of a cloud's point.

@@ -11,6 +11,7 @@ struct LevelRule {
   const BuildConfig* config = nullptr;
   float area = 1;                 ///< that rho is for, scan units squared
   float largest_tile = 0;         ///< side in texels; 0: optimal_resolution()
+  bool one_sided = false;         ///< BuildTuning's
   float error = 0;                ///< the level's, scan units; 0: its density alone decides
   bool holds_primitives = false;  ///< all its leaves
 };

@@ -7,10 +7,12 @@
 #include <limits>
 
 #include "pipeline/base/error.h"
+#include "pipeline/rbvh/build_tuning.h"
 #include "pipeline/rbvh/layer_codec.h"
 #include "pipeline/rbvh/layer_sampling.h"
 #include "pipeline/rbvh/layers.h"
 #include "pipeline/rbvh/level_mesh.h"
+#include "pipeline/rbvh/texture_layer.h"
 
 namespace rbvh {
 namespace {
@@ -32,6 +34,7 @@ void carry_layers(const Device& device, const Level& from, std::vector<Level>& d
       const LayerPoints points = layer_points(level, to);
       const auto most = static_cast<float>(2 * texel_side(level));
       set_values(to, points.texels, sample_layer(index, from, layer, points.points, most));
+      if (&layer == texture_layer(from)) round_texture(to);
     }
   }
 }
@@ -57,7 +60,8 @@ std::vector<Level> derive_levels(const Device& device, const Rbvh& rbvh, const L
   BuildConfig config;
   config.levels = levels;
   config.area = rbvh.source.area;
-  std::vector<Level> derived = build_rbvh(device, scan, config, progress).levels;
+  const BuildTuning tuning{.one_sided = texture_layer(from) != nullptr};
+  std::vector<Level> derived = build_tuned(device, scan, config, tuning, progress).levels;
   const double before = known_error(rbvh, from).percent / 100;  // NaN: not known
   for (Level& level : derived) {
     level.derived_from = from.name;

@@ -12,6 +12,7 @@
 #include "pipeline/rbvh/height_normals.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/texel.h"
+#include "pipeline/rbvh/texture_layer.h"
 #include "pipeline/scan/creases.h"
 #include "pipeline/scan/linear_color.h"
 
@@ -95,14 +96,14 @@ SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, c
   return samples;
 }
 
-SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
+SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits, float spread) {
   const Layer *heights = find_layer(level, "height"), *normals = find_layer(level, "normal"),
-              *colors = find_layer(level, "color");
+              *colors = find_layer(level, "color"), *texture = texture_layer(level);
   RBVH_CHECK(heights != nullptr);
   const std::vector<std::uint32_t> firsts = first_primitives(level);
   SurfaceSamples samples;
   samples.normals.resize(hits.size());
-  if (colors) samples.colors.resize(hits.size());
+  if (colors || texture) samples.colors.resize(hits.size(), kClay);
   parallel_for(hits.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Hit& hit = hits[i];
@@ -111,6 +112,10 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
         const Vec3f normal = normal_at(level.primitives, *primitive);
         samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
         if (colors) samples.colors[i] = linear_color_at(level.primitives, *primitive);
+        if (!texture) continue;
+        const Vec3f at = to_tile(level.leaves[hit.leaf], point_of(level.primitives, *primitive));
+        if (const auto shown = texture_color(level, *texture, hit.leaf, at.x, at.y, spread * hit.t))
+          samples.colors[i] = *shown;
         continue;
       }
       const Footprint f = footprint(level, heights->texels, hit);
@@ -129,6 +134,12 @@ SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits) {
       normal = normalized(normal);
       samples.normals[i] = dot(normal, normal) > 0.5f ? normal : array3(hit.normal);
       if (colors) samples.colors[i] = weight > 0 ? color * (1 / weight) : kClay;
+      if (!texture) continue;
+      const RbvhLeaf& leaf = level.leaves[hit.leaf];
+      const float u = std::clamp(hit.u, 0.f, 1.f) * static_cast<float>(leaf.width - 1),
+                  v = std::clamp(hit.v, 0.f, 1.f) * static_cast<float>(leaf.height - 1);
+      if (const auto shown = texture_color(level, *texture, hit.leaf, u, v, spread * hit.t))
+        samples.colors[i] = *shown;
     }
   });
   return samples;

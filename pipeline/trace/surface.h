@@ -24,9 +24,10 @@ ShadingNormals shading_normals(const Scan& scan);
 SurfaceSamples sample_surface(const Scan& mesh, const ShadingNormals& normals, const TextureSampler& textures,
                               std::span<const Hit> hits, float spread);
 
-/// Bilinear over the texels of the level's normal and colour layers that have a surface. The geometric normal
+/// Bilinear over the texels of the level's normal and colour layers that have a surface; colours of the layer
+/// `texture`, where there is one, averaged over what rays cover. The geometric normal
 /// where the level has no such layer.
-SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits);
+SurfaceSamples sample_surface(const Level& level, std::span<const Hit> hits, float spread = 0);
 
 /// The geometric normals, without colours.
 SurfaceSamples geometric_surface(std::span<const Hit> hits);

@@ -54,8 +54,8 @@ void TileTracer::intersect(const CameraRays& camera, const Buffer<Hit>& hits,
   }
 }
 
-SurfaceSamples TileTracer::surface(std::span<const Hit> hits, float) const {
-  return sample_surface(*level, hits);
+SurfaceSamples TileTracer::surface(std::span<const Hit> hits, float spread) const {
+  return sample_surface(*level, hits, spread);
 }
 
 std::uint64_t TileTracer::memory() const {

@@ -129,5 +129,71 @@ TEST_F(Textured, AReplacedImageIsToldFromTheOneWrittenWithTheScan) {
   EXPECT_TRUE(exists("again.texture0.png"));
 }
 
+TEST_F(Textured, APairShowsWhatTheScanShows) {
+  write("ball.obj", TexturedBall(48).obj());
+  good("build ball.obj --levels Q0,Q3 -o ball.rbvh");
+  const auto info = nlohmann::json::parse(tool("info ball.rbvh --json").out);
+  for (const auto& level : info["levels"]) {
+    EXPECT_EQ(level["layers"].back()["name"], "texture");
+    EXPECT_EQ(level["layers"].back()["channels"], 3);
+  }
+  // Not to be told from exact: nearer to it than it is to itself a quarter pixel aside.
+  const auto measured = nlohmann::json::parse(
+      tool("validate ball.rbvh --against ball.obj --views 2 --resolution 192 --json").out);
+  for (const auto& level : measured["fidelity"]) EXPECT_LT(level["image_relative"], 1) << level["level"];
+  // The colours of vertices alone are no such thing.
+  good("build ball.obj --levels Q0 --color-scale 0.0625 -o coarse.rbvh");
+  const auto coarse = nlohmann::json::parse(
+      tool("validate coarse.rbvh --against ball.obj --views 2 --resolution 192 --json").out);
+  EXPECT_GT(coarse["fidelity"][0]["image_relative"], 1);
+  EXPECT_LT(std::filesystem::file_size(path("coarse.atlas.tif")),
+            std::filesystem::file_size(path("ball.atlas.tif")));
+}
+
+TEST_F(Textured, DerivedLevelsCarryThem) {
+  good("build ball.obj --levels Q1 -o ball.rbvh");
+  good("lod ball.rbvh --levels Q3 -o derived.rbvh");
+  const Picture exact = picture("ball.obj"), derived = picture("derived.rbvh");
+  double sum = 0;
+  for (std::size_t i = 0; i < exact.pixels.size(); ++i)
+    sum += std::pow(static_cast<double>(exact.pixels[i] - derived.pixels[i]), 2);
+  EXPECT_LT(std::sqrt(sum / static_cast<double>(exact.pixels.size())), 0.05);
+}
+
+TEST_F(Textured, FacesWithoutATextureKeepTheirColours) {
+  // Half of the faces name no material, and vertices are coloured.
+  std::string obj = ball_.obj(), mixed;
+  std::size_t faces = 0;
+  for (std::size_t at = 0, end = 0; at < obj.size(); at = end + 1) {
+    end = obj.find('\n', at);
+    std::string line = obj.substr(at, end - at);
+    if (line.starts_with("v ")) line += " 1 0 0";
+    if (line.starts_with("usemtl")) continue;
+    if (line.starts_with("f ") && ++faces == 432) line = "usemtl skin\n" + line;
+    mixed += line + "\n";
+  }
+  write("mixed.obj", mixed);
+  good("build mixed.obj --levels Q0 -o mixed.rbvh");
+  const Picture exact = picture("mixed.obj"), pair = picture("mixed.rbvh");
+  int red = 0, other = 0, apart = 0;
+  for (int y = 0; y < exact.height; ++y)
+    for (int x = 0; x < exact.width; ++x) {
+      const float *a = exact.at(x, y), *b = pair.at(x, y);
+      if (a[3] < 1 || b[3] < 1) continue;
+      const bool is_red = a[0] > 0.2f && a[1] < 0.1f && a[2] < 0.1f;
+      (is_red ? red : other) += 1;
+      apart += is_red != (b[0] > 0.2f && b[1] < 0.1f && b[2] < 0.1f);
+    }
+  EXPECT_GT(red, 500);
+  EXPECT_GT(other, 500);
+  EXPECT_LT(apart, (red + other) / 20);
+}
+
+TEST_F(Textured, ColorScaleIsOfTexturedScans) {
+  write("bare.ply", ball_ply(6));
+  bad("build bare.ply --color-scale 2 -o x.rbvh", 2, "--color-scale: it has no textures");
+  bad("build ball.obj --color-scale 17 -o x.rbvh", 2, "--color-scale");
+}
+
 }  // namespace
 }  // namespace rbvh

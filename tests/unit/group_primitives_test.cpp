@@ -46,6 +46,36 @@ TEST(GroupPrimitives, ObjectsStayApartEvenWhereTheyCoincide) {
   expect_groups(scan, group_primitives(scan, {}));
 }
 
+TEST(GroupPrimitives, OneSidedLeavesFaceOneWay) {
+  // A coarse, thin shell: what is inside faces the other way, and leaves would reach around.
+  Scan scan = bumpy_sphere(8);
+  const std::size_t vertices = scan.positions.size(), count = scan.triangles.size();
+  for (std::size_t i = 0; i < vertices; ++i) scan.positions.push_back(scan.positions[i] * 0.99f);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto [a, b, c] = scan.triangles[i];
+    const auto inner = [&](std::uint32_t v) { return static_cast<std::uint32_t>(v + vertices); };
+    scan.triangles.push_back({inner(a), inner(c), inner(b)});
+  }
+  scan.normals.clear();
+  const auto normal = [&](std::uint32_t i) {
+    const auto [a, b, c] = scan.triangles[i];
+    return cross(scan.positions[b] - scan.positions[a], scan.positions[c] - scan.positions[a]);
+  };
+  const auto facing_away = [&](const RefinedLevel& groups) {
+    std::size_t away = 0;
+    for (const auto& held : groups.held) {
+      Vec3f mean{};
+      for (const std::uint32_t i : held) mean = mean + normal(i);
+      for (const std::uint32_t i : held) away += dot(normal(i), mean) < 0;
+    }
+    return away;
+  };
+  EXPECT_GT(facing_away(group_primitives(scan, {})), 0u);
+  const RefinedLevel one_sided = group_primitives(scan, {}, true);
+  expect_groups(scan, one_sided);
+  EXPECT_EQ(facing_away(one_sided), 0u);
+}
+
 TEST(GroupPrimitives, OneIsEnough) {
   Scan scan;
   scan.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
