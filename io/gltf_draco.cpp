@@ -24,7 +24,8 @@ DracoMesh decode_draco(std::string_view bytes, const std::map<std::string, std::
     to.columns = static_cast<std::size_t>(from->num_components());
     to.values.resize(to.rows * to.columns);
     for (std::uint32_t i = 0; i < to.rows; ++i)
-      if (!from->ConvertValue<float>(from->mapped_index(draco::PointIndex(i)), from->num_components(),
+      if (!from->ConvertValue<float>(from->mapped_index(draco::PointIndex(i)),
+                                     static_cast<std::int8_t>(from->num_components()),
                                      &to.values[i * to.columns]))
         return {};
   }

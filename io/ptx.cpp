@@ -122,7 +122,7 @@ bool is_ptx(std::string_view bytes) {
   static const std::string kNoFile;
   TextCursor in(bytes.substr(0, 4096), kNoFile);
   std::string_view line;
-  for (const std::size_t wanted : {1, 1, 3, 3, 3, 3, 4, 4, 4, 4}) {
+  for (const std::size_t wanted : {1u, 1u, 3u, 3u, 3u, 3u, 4u, 4u, 4u, 4u}) {
     double values[4];
     if (!in.next_line(line) || line_numbers(line, kNoFile, values, 4) != wanted) return false;
   }
