@@ -1,15 +1,13 @@
 // rbvh mesh: a level of a pair as triangles or points, for programs that know no pairs.
 #include "rbvh/mesh.h"
 
-#include <filesystem>
-
 #include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/stages.h"
 #include "io/output_file.h"
 #include "io/report_json.h"
 #include "io/report_text.h"
-#include "rbvh/io.h"
+#include "io/scan_io.h"
 
 namespace rbvh {
 namespace {
@@ -19,16 +17,8 @@ struct MeshOptions {
   std::vector<std::string> level;
 };
 
-/// PLY, unless the name says GLB.
-bool is_glb(const std::string& output) {
-  const std::string extension = std::filesystem::path(output).extension().string();
-  if (extension != ".glb" && extension != ".ply" && !extension.empty() && output != "-")
-    throw Error(ErrorKind::kUsage, output, "mesh writes PLY and GLB; name the output .ply or .glb");
-  return extension == ".glb";
-}
-
 void run_mesh(Context& context, const MeshOptions& options) {
-  const bool glb = is_glb(context.output);
+  check_scan_output(context.output);
   check_paths_differ(context, {options.file}, {context.output});
   check_output(context.output, context.force);
   check_is_pair(options.file);
@@ -39,8 +29,7 @@ void run_mesh(Context& context, const MeshOptions& options) {
   context.progress.update("mesh", 0);
   const Scan mesh = level_mesh(pair, level, &counts);
   time_phase(context, "mesh");
-  glb ? write_glb(context.output, mesh, pair.up_axis(), context.force)
-      : write_ply(context.output, mesh, context.force);
+  for (const std::string& line : write_scan(context.output, mesh, context.force)) warn(context, line);
   context.progress.finish();
   time_phase(context, "write");
   context.report["level"] = level;
