@@ -171,7 +171,7 @@ RawScan read_scan(const std::string& path, const TextColumns& columns, const Mem
 void check_scan_output(const std::string& path) {
   const std::string extension = lower_extension(path);
   if (extension != ".ply" && extension != ".glb" && (has_scan_extension(path) || extension == ".rbvh"))
-    throw Error(ErrorKind::kUsage, path, "scans are written as PLY or GLB; name the output .ply");
+    throw Error(ErrorKind::kUsage, path, "scans are written as PLY or GLB; name the output .ply or .glb");
 }
 
 std::vector<std::string> write_scan(const std::string& path, const Scan& scan, bool overwrite) {
