@@ -4,6 +4,7 @@
 
 #include "cli/exit_code.h"
 #include "cli/remedies.h"
+#include "io/parts_file.h"
 #include "io/proxy_file.h"
 #include "io/report_json.h"
 #include "io/scene_file.h"
@@ -28,12 +29,16 @@ Asset load(Context& context, const std::string& path, LoadConfig config) {
 }
 
 void check_is_pair(const std::string& path) {
+  if (is_parts(path))
+    throw Error(ErrorKind::kInput, path,
+                "is a pair of parts, which this stage cannot take; name one of its parts");
   if (!is_rbvh(path)) throw Error(ErrorKind::kInput, path, "is no .rbvh pair");
 }
 
 std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
                                         const std::vector<std::string>& wanted, bool has_auto) {
-  if (!asset.rbvh() && !wanted.empty())
+  const bool has_levels = asset.rbvh() || (asset.scene() && !asset.scene()->level.empty());
+  if (!has_levels && !wanted.empty())
     note(context, "rbvh " + context.stage + ": " + asset.path + " has no levels; --level is ignored");
   return choose_levels(asset, wanted, has_auto);
 }

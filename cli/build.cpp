@@ -1,4 +1,6 @@
 // rbvh build: from an ingested scan to an .rbvh pair.
+#include "chunks/build_in_chunks.h"
+#include "chunks/chunk_report.h"
 #include "cli/asset_options.h"
 #include "cli/common.h"
 #include "cli/layer_options.h"
@@ -36,7 +38,13 @@ struct BuildOptions {
   LayerWords layers;                       // of the scan's vertex properties
   bool measure = false, shifted = false;
   ViewsConfig views;
+  std::uint32_t chunks = 0;  // 0: as memory asks for
+  bool resume = false;
 };
+
+std::uint32_t parse_chunks(std::string_view text) {
+  return static_cast<std::uint32_t>(parse_integer_between(text, 1, 256));
+}
 
 std::optional<FocusWords> focus_words(const BuildOptions& options) {
   const auto refuse = [](const char* what) { throw Error(ErrorKind::kUsage, "", what); };
@@ -75,12 +83,46 @@ auto with_file(const std::string& file, Work&& work) {
   }
 }
 
+/// A scan that is larger than memory.
+void run_in_chunks(Context& context, const BuildOptions& options, BuildConfig config, const BigPly& ply) {
+  if (options.focus || options.focus_camera || options.measure || !options.layers.names.empty())
+    throw Error(ErrorKind::kUsage, options.file,
+                "is built in chunks, which have no --focus, --layer or --measure; give it more --memory, or "
+                "leave these out");
+  check_chunk_output(context.output, context.force);
+  std::future<Device> opening = open_meanwhile(context.device);
+  const ScanSurvey survey = survey_scan(ply, context.progress.callback());
+  const ErrorScale scale{static_cast<double>(survey.box.diagonal()), ply.header.units};
+  if (options.error)
+    config.levels = {level_of_error(part_of_diagonal(*options.error, "units", scale, ply.path))};
+  time_phase(context, "survey");
+  const Device device = opening.get();
+  report_device(context, device);
+  const ChunkReport done = build_in_chunks(device, survey, context.output, config,
+                                           {.memory = context.memory,
+                                            .chunks = options.chunks,
+                                            .resume = options.resume,
+                                            .overwrite = context.force},
+                                           context.progress.callback());
+  time_phase(context, "build");
+  context.report.update(chunks_json(done));
+  note(context, "rbvh build: wrote " + context.output + " (" + counted(done.levels.size(), "level") + " in " +
+                    counted(done.chunks, "part") + ", " + format_bytes(done.bytes) +
+                    (done.resumed > 0 ? ", " + counted(done.resumed, "part") + " found built)" : ")"));
+}
+
 void run_build(Context& context, const BuildOptions& options) {
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
   config.levels = named_levels(options);
   check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
   check_pair_output(context);
+  const std::optional<BigPly> ply = open_big_ply(options.file);
+  if (ply && (options.chunks > 0 || !fits_memory(*ply, config, context.memory)))
+    return run_in_chunks(context, options, config, *ply);
+  if (options.chunks > 0)
+    throw Error(ErrorKind::kInput, options.file,
+                "--chunks is for binary little-endian PLY files of triangles or points; ingest it first");
   std::future<Device> opening = open_meanwhile(context.device);
   const std::future<void> images = load_images_meanwhile();
 
@@ -196,6 +238,11 @@ void add_build(CLI::App& app, Context& context) {
       "--measure", options->measure,
       "compare each level with the scan in 8 views and store what is found (see validate --against)");
   add_views_options(*stage, options->views, "--measure");
+  add_parsed(*stage, "--chunks", options->chunks, parse_chunks, "N",
+             "build N parts one after the other, and a table of them (default: as many as --memory asks for; "
+             "what fits is built as a whole)");
+  stage->add_flag("--resume", options->resume,
+                  "of a build in chunks: go on from what a killed one of the same scan and options has left");
 }
 
 }  // namespace rbvh

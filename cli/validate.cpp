@@ -9,6 +9,7 @@
 #include "cli/views_options.h"
 #include "io/check_file.h"
 #include "io/difference_pictures.h"
+#include "io/parts_file.h"
 #include "io/report_text.h"
 #include "io/scene_file.h"
 #include "pipeline/measure/measure_json.h"
@@ -53,11 +54,13 @@ Json measure(Context& context, const ValidateOptions& options, const Asset& pair
 }
 
 void validate_file(Context& context, const ValidateOptions& options, const std::string& path) {
-  const bool is_pair = is_rbvh(path);
+  const bool is_pair = is_rbvh(path) && !is_parts(path);
   if (!is_pair && !is_proxy(path) && !options.against.empty())
     throw Error(ErrorKind::kUsage, path,
                 std::string("--against compares the levels of an .rbvh, or a proxy, and this is a ") +
-                    (is_scene(path) ? "scene" : "scan"));
+                    (is_parts(path)   ? "pair of parts"
+                     : is_scene(path) ? "scene"
+                                      : "scan"));
   if (!is_pair) refuse_options(options.of_pairs, path, "is for pairs, and this is none");
   CheckedFile file;
   try {

@@ -1,5 +1,6 @@
 #include "io/check_file.h"
 
+#include "io/parts_file.h"
 #include "io/scan_io.h"
 #include "io/scene_file.h"
 #include "pipeline/scene/asset_content.h"
@@ -42,7 +43,9 @@ Json scan_json(const RawScan& scan) {
 CheckedFile check_file(const std::string& path, const LoadConfig& config, const Progress& progress) {
   CheckedFile file;
   file.summary = {{"file", path}, {"valid", true}};
-  if (is_rbvh(path)) {
+  if (is_parts(path)) {
+    file.summary.update(check_parts(path, config.memory, progress));
+  } else if (is_rbvh(path)) {
     file.asset = load_asset(path, config, progress);
     file.summary.update(pair_json(*file.asset->rbvh()));
   } else if (is_scene(path)) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "io/parts_file.h"
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
 #include "io/scan_io.h"
@@ -111,6 +112,19 @@ Json level_json(const Level& level, const RbvhSource& source) {
   return json;
 }
 
+Json source_json(const RbvhSource& source) {
+  return {{"name", source.name},
+          {"hash", hex(source.hash)},
+          {"kind", source.triangles > 0 ? "mesh" : "cloud"},
+          {"vertices", source.vertices},
+          {"triangles", source.triangles},
+          {"area", source.area},
+          {"units", source.units},
+          {"shift", vec_json(source.shift)},
+          {"bounds", bounds_json(source.bounds, source.shift)},
+          {"diagonal", static_cast<double>(source.bounds.diagonal())}};
+}
+
 Json pair_json(const std::string& path, const LoadConfig& config) {
   PairHeader header;
   const Rbvh rbvh = load_pair(path, config.memory, &header);
@@ -123,17 +137,7 @@ Json pair_json(const std::string& path, const LoadConfig& config) {
       {"hierarchy", {{"bytes", header.hierarchy_bytes}, {"hash", hex(header.hierarchy_hash)}}},
       {"atlas",
        {{"file", header.atlas_file}, {"bytes", header.atlas_bytes}, {"hash", hex(header.atlas_hash)}}},
-      {"source",
-       {{"name", source.name},
-        {"hash", hex(source.hash)},
-        {"kind", source.triangles > 0 ? "mesh" : "cloud"},
-        {"vertices", source.vertices},
-        {"triangles", source.triangles},
-        {"area", source.area},
-        {"units", source.units},
-        {"shift", vec_json(source.shift)},
-        {"bounds", bounds_json(source.bounds, source.shift)},
-        {"diagonal", static_cast<double>(source.bounds.diagonal())}}},
+      {"source", source_json(source)},
       {"build_options", Json::parse(rbvh.build_options)},
       {"levels", Json::array()}};
   for (const Level& level : rbvh.levels) json["levels"].push_back(level_json(level, source));
@@ -228,6 +232,42 @@ Json scene_json(const std::string& path, const LoadConfig& config) {
           {"objects", std::move(objects)}};
 }
 
+Json parts_json(const PartsTable& table, const std::string& path) {
+  const auto diagonal = static_cast<double>(table.source.bounds.diagonal());
+  std::uint64_t bytes = bytes_of(path);
+  Json parts = Json::array(), levels = Json::array();
+  for (const PairPart& part : table.parts) {
+    bytes += part.bytes;
+    parts.push_back({{"file", part_path(path, part)},
+                     {"bytes", part.bytes},
+                     {"vertices", part.vertices},
+                     {"triangles", part.triangles},
+                     {"bounds", bounds_json(part.levels.front().bounds, table.source.shift)}});
+  }
+  for (std::size_t i = 0; i < table.levels.size(); ++i) {
+    const PartsTable::Level& level = table.levels[i];
+    std::uint64_t leaves = 0, level_bytes = 0;
+    for (const PairPart& part : table.parts) {
+      leaves += part.levels[i].leaves;
+      level_bytes += part.levels[i].bytes;
+    }
+    levels.push_back({{"name", level.name},
+                      {"rho", float_json(level.rho)},
+                      {"error", float_json(level.error)},
+                      {"error_length", static_cast<double>(level.error) * diagonal},
+                      {"reached", float_json(level.reached)},
+                      {"leaves", leaves},
+                      {"bytes", level_bytes}});
+  }
+  return {{"file", path},
+          {"kind", "parts"},
+          {"bytes", bytes},
+          {"source", source_json(table.source)},
+          {"build_options", Json::parse(table.build_options)},
+          {"levels", std::move(levels)},
+          {"parts", std::move(parts)}};
+}
+
 Json scan_json(const std::string& path, const LoadConfig& config) {
   check_read_budget(config.memory, path);
   RawScan scan = read_scan(path, {}, config.memory);
@@ -276,6 +316,7 @@ Json scan_json(const std::string& path, const LoadConfig& config) {
 }  // namespace
 
 Json describe(const std::string& path, const LoadConfig& config) {
+  if (is_parts(path)) return parts_json(read_parts(path), path);
   if (is_rbvh(path)) return pair_json(path, config);
   if (is_proxy(path)) return proxy_json(path);
   if (is_scene(path)) return scene_json(path, config);

@@ -184,6 +184,28 @@ std::string scene_text(const Json& json) {
   return text;
 }
 
+std::string parts_text(const Json& json) {
+  const auto bytes = [](const Json& value) { return format_bytes(value.get<std::uint64_t>()); };
+  const Json& source = json["source"];
+  std::string text = printable(json["file"].get<std::string>()) + ": pair of " +
+                     counted(json["parts"].size(), "part") + ", " + bytes(json["bytes"]) +
+                     " with all its files\n";
+  text += "source   " + printable(source["name"].get<std::string>()) + " (" +
+          source["hash"].get<std::string>() + "), " + count(source, "vertex") + ", " +
+          count(source, "triangle") + "\n";
+  text += "bounds   " + bounds_text(source["bounds"]) + "\n";
+  text += "shift    " + vec_text(source["shift"]) + "\n";
+  text += "level     error     reached     leaves      bytes\n";
+  for (const Json& level : json["levels"])
+    text += fmt::format("{:<6} {:>9.3g} {:>9.3g} {:>12} {:>10}\n", printable(level["name"]),
+                        level["error"].get<double>(), level["reached"].get<double>(), level["leaves"].dump(),
+                        bytes(level["bytes"]));
+  for (const Json& part : json["parts"])
+    text += fmt::format("{} {}, {}\n", printable(part["file"].get<std::string>()), bytes(part["bytes"]),
+                        bounds_text(part["bounds"]));
+  return text;
+}
+
 std::string scan_text(const Json& json) {
   std::string text = printable(json["file"].get<std::string>()) + ": " + json["kind"].get<std::string>() +
                      ", " + count(json, "vertex") + ", " + count(json, "triangle") + ", " +
@@ -215,6 +237,7 @@ std::string describe_text(const Json& json, bool with_bytes) {
   return kind == "rbvh"    ? pair_text(json, with_bytes)
          : kind == "proxy" ? proxy_text(json)
          : kind == "scene" ? scene_text(json)
+         : kind == "parts" ? parts_text(json)
                            : scan_text(json);
 }
 

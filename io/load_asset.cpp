@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "io/parts_file.h"
 #include "io/proxy_file.h"
 #include "io/scan_io.h"
 #include "io/scene_file.h"
@@ -176,7 +177,8 @@ Asset load_proxy_asset(const std::string& path, const LoadConfig& config) {
 }  // namespace
 
 Asset load_asset(const std::string& path, const LoadConfig& config, const Progress& progress) {
-  Asset asset = is_rbvh(path)
+  Asset asset = is_parts(path) ? load_parts(path, config)
+                : is_rbvh(path)
                     ? make_asset(load_pair(path, config.memory, nullptr, wanted_levels(path, config)))
                 : is_scene(path)                ? make_asset(load_scene(path, config, progress))
                 : path != "-" && is_proxy(path) ? load_proxy_asset(path, config)

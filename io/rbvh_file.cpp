@@ -20,6 +20,7 @@
 #include "io/input_file.h"
 #include "io/level_codec.h"
 #include "io/output_file.h"
+#include "io/parts_file.h"
 #include "io/posix_file.h"
 #include "io/rbvh_file_v1.h"
 #include "io/rbvh_tables.h"
@@ -66,6 +67,8 @@ std::span<const std::byte> bytes_of(const InputBytes& input) {
 // Finds the seal without trusting anything, and holds the file against it.
 const file::Seal& check_seal(std::span<const std::byte> bytes, const std::string& path) {
   const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+  if (std::string_view(reinterpret_cast<const char*>(data), bytes.size()).starts_with(kPartsMagic))
+    refuse(path, "is a pair of parts, which cannot be taken whole here; name one of its parts");
   if (bytes.size() < 8 || std::memcmp(data + 4, file::PairIdentifier(), 4) != 0)
     refuse(path, "is no .rbvh file: byte 4 does not begin the word RBVH");
   flatbuffers::Verifier verifier(data, bytes.size());

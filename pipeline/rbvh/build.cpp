@@ -1,9 +1,10 @@
-#include "pipeline/rbvh/build.h"
+#include "pipeline/rbvh/build_part.h"
 
 #include <algorithm>
 #include <cmath>
 #include <deque>
 #include <future>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -59,12 +60,14 @@ Lattice lattice_of(float error, const Bounds3f& box) {
   return {box.lo, step};
 }
 
-LevelRule make_rule(LevelConfig level, const BuildConfig& config, const Scan& scan, float area,
-                    float diagonal, const BuildTuning& tuning) {
-  const auto primitives =
-      static_cast<std::uint32_t>(scan.is_cloud() ? scan.positions.size() : scan.triangles.size());
-  if (scan.is_cloud()) level.rho = cloud_rho(level.rho, primitives);
-  const LevelFacts facts{.is_cloud = scan.is_cloud(),
+LevelRule make_rule(LevelConfig level, const BuildConfig& config, const ScanPart& part, float area,
+                    const BuildTuning& tuning) {
+  const bool is_cloud = part.triangles == 0;
+  const float diagonal = part.box.diagonal();
+  const auto primitives = static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(is_cloud ? part.vertices : part.triangles, 0xffffffffu));
+  if (is_cloud) level.rho = cloud_rho(level.rho, primitives);
+  const LevelFacts facts{.is_cloud = is_cloud,
                          .error = config.focus ? 0 : level.error,  // the density varies with the place
                          .rho = level.rho,
                          .texel = primitive_texel(static_cast<double>(area), level.rho) / diagonal,
@@ -78,11 +81,11 @@ LevelRule make_rule(LevelConfig level, const BuildConfig& config, const Scan& sc
           .holds_primitives = holds_primitives(config.hybrid, facts)};
 }
 
-std::vector<LevelRule> make_rules(const BuildConfig& config, const Scan& scan, float area, float diagonal,
+std::vector<LevelRule> make_rules(const BuildConfig& config, const ScanPart& part, float area,
                                   const BuildTuning& tuning) {
   std::vector<LevelRule> rules;
   for (const LevelConfig& level : config.levels)
-    rules.push_back(make_rule(level, config, scan, area, diagonal, tuning));
+    rules.push_back(make_rule(level, config, part, area, tuning));
   return rules;
 }
 
@@ -120,9 +123,11 @@ struct PrimitiveLevel {
 /// The levels of primitives, each simplified from the one before; a level is finished while the next is
 /// simplified.
 void build_levels_of_primitives(const Device& device, const Scan& scan, std::span<const LevelRule> rules,
-                                const Bounds3f& box, std::vector<Level>& levels, BuildTimings& time) {
-  std::deque<PrimitiveLevel> making;         // their addresses stay
-  std::vector<std::future<Level>> finished;  // after what they read: they are waited for first
+                                const ScanPart& part, std::vector<Level>& levels, BuildTimings& time) {
+  const Bounds3f& box = part.box;
+  std::vector<std::uint8_t> stays = part.stays;  // of the finer level's vertices
+  std::deque<PrimitiveLevel> making;             // their addresses stay
+  std::vector<std::future<Level>> finished;      // after what they read: they are waited for first
   const Scan* finer = &scan;
   for (std::size_t i = 0; i < rules.size(); ++i) {
     const LevelRule& rule = rules[i];
@@ -131,8 +136,8 @@ void build_levels_of_primitives(const Device& device, const Scan& scan, std::spa
     own.number = i;
     if (rule.error > 0 && !scan.is_cloud()) {
       Stopwatch watch;
-      own.simplified = simplify(*finer, rule.error);
-      widen_thin_parts(own.simplified, lattice_of(rule.error, box));
+      own.simplified = simplify(*finer, rule.error, &stays);
+      widen_thin_parts(own.simplified, lattice_of(rule.error, box), stays);
       own.time.simplify = watch.lap();
       finer = &own.simplified;
     }
@@ -164,8 +169,27 @@ TileSource upload(const Device& device, const Scan& scan, const BuildConfig& con
   return {std::move(primitives), std::move(root)};
 }
 
+/// What is known before any level is made.
+struct BuildPlan {
+  std::vector<LevelRule> rules;
+  std::optional<TileSource> tiles;  ///< where a level has any
+};
+
+BuildPlan plan_levels(const Device& device, const Scan& scan, const ScanPart& part, const BuildConfig& config,
+                      const BuildTuning& tuning) {
+  BuildPlan plan;
+  if (!scan.is_cloud())
+    plan.rules = make_rules(config, part, checked_area(config, surface_area(scan)), tuning);
+  if (!scan.is_cloud() && all_hold_primitives(plan.rules)) return plan;
+  plan.tiles = upload(device, scan, config);
+  // Without the area of noise.
+  const float area = checked_area(config, static_cast<double>(plan.tiles->partition.nodes[0].sums.area));
+  plan.rules = make_rules(config, part, area, tuning);
+  return plan;
+}
+
 void build_levels_of_tiles(TileSource& source, const Scan& scan, std::span<const LevelRule> rules,
-                           const Bounds3f& box, const Progress& progress, std::vector<Level>& levels,
+                           const ScanPart& part, const Progress& progress, std::vector<Level>& levels,
                            BuildTimings& time) {
   Stopwatch watch;
   const Primitives& primitives = source.primitives;
@@ -183,12 +207,63 @@ void build_levels_of_tiles(TileSource& source, const Scan& scan, std::span<const
     if (rule.holds_primitives) continue;
     report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
     Stopwatch level_watch;
-    RefinedLevel refined = refine_level(primitives, source.partition, rule, watch, time);
-    levels[i] = assemble_level(rule.level, refined, scan, rule.area, lattice_of(rule.error, box));
-    sample_error(primitives.device, scan, box, levels[i]);
+    RefinedLevel refined = refine_level(primitives, source.partition, rule, part.own_primitives, watch, time);
+    levels[i] = assemble_level(rule.level, refined, scan, rule.area, lattice_of(rule.error, part.box));
+    sample_error(primitives.device, scan, part.box, levels[i]);
     time.pack += watch.lap();
     time.levels[i] = {rule.level.name, level_watch.lap()};
   }
+}
+
+/// `scan`: the part's own.
+Rbvh build_levels(const Device& device, const Scan& scan, const ScanPart& part, BuildPlan& plan,
+                  const Progress& progress, BuildTimings& time) {
+  const std::vector<LevelRule>& rules = plan.rules;
+  // The device makes the levels of tiles while the host makes those of primitives.
+  Rbvh rbvh;
+  rbvh.levels.resize(rules.size());
+  time.levels.resize(rules.size());
+  BuildTimings host_time;
+  host_time.levels.resize(rules.size());
+  std::future<void> of_primitives = std::async(std::launch::async, [&] {
+    build_levels_of_primitives(device, scan, rules, part, rbvh.levels, host_time);
+  });
+  if (plan.tiles) build_levels_of_tiles(*plan.tiles, scan, rules, part, progress, rbvh.levels, time);
+  of_primitives.get();
+  time.simplify += host_time.simplify;
+  time.partition += host_time.partition;
+  time.pack += host_time.pack;
+  for (std::size_t i = 0; i < rules.size(); ++i)
+    if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
+  report(progress, "tiles", 1);
+  rbvh.source.vertices = part.vertices;
+  rbvh.source.triangles = part.triangles;
+  rbvh.source.area = rules.front().area;
+  rbvh.source.shift = scan.shift;
+  if (!scan.units.empty()) rbvh.source.units = scan.units;
+  rbvh.source.bounds = part.box;
+  return rbvh;
+}
+
+/// The neighbours' primitives become an object of their own: no tile holds theirs and others.
+void set_apart(Scan& scan, std::uint32_t own_primitives) {
+  const std::size_t all = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
+  if (own_primitives == all) return;
+  scan.object_ids.resize(all, 0);
+  const auto begin = scan.object_ids.begin(), end = begin + static_cast<std::ptrdiff_t>(own_primitives);
+  const auto [least, most] = std::minmax_element(begin, end);
+  const bool is_room = *most < std::numeric_limits<std::int32_t>::max();
+  std::fill(end, scan.object_ids.end(), is_room ? *most + 1 : *least - 1);
+}
+
+void keep_own(Scan& scan, const ScanPart& part, bool has_objects) {
+  scan.positions.resize(part.own_vertices);
+  if (!scan.normals.empty()) scan.normals.resize(part.own_vertices);
+  if (!scan.radii.empty()) scan.radii.resize(part.own_vertices);
+  if (!scan.colors.empty()) scan.colors.resize(part.own_vertices);
+  for (ScalarProperty& property : scan.properties) property.values.resize(part.own_vertices);
+  if (!scan.triangles.empty()) scan.triangles.resize(part.own_primitives);
+  scan.object_ids.resize(has_objects ? part.own_primitives : 0);
 }
 
 }  // namespace
@@ -201,10 +276,14 @@ void check_buildable(const Scan& scan, const std::string& file) {
     throw Error(ErrorKind::kInput, file, "the points have no normals or radii; ingest it first");
 }
 
+std::uint64_t build_memory(std::uint64_t vertices, std::uint64_t primitives, const BuildConfig& config) {
+  return vertices * kBytesPerVertex + primitives * kBytesPerPrimitive +
+         static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel;
+}
+
 std::uint64_t build_memory(const Scan& scan, const BuildConfig& config) {
-  const std::uint64_t primitives = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
-  const std::uint64_t bytes = scan.positions.size() * kBytesPerVertex + primitives * kBytesPerPrimitive +
-                              static_cast<std::uint64_t>(config.levels.front().rho) * kBytesPerTexel;
+  const std::uint64_t bytes = build_memory(
+      scan.positions.size(), scan.is_cloud() ? scan.positions.size() : scan.triangles.size(), config);
   if (scan.textures.empty()) return bytes;
   return bytes + texture_layer_memory(scan, config.levels, config.color_scale);
 }
@@ -224,43 +303,41 @@ Rbvh build_tuned(const Device& device, const Scan& scan, const BuildConfig& conf
   time = {};
   Stopwatch watch;
   report(progress, "upload", 0);
-  const Bounds3f box = bounds(scan);
-  std::vector<LevelRule> rules;
-  if (!scan.is_cloud())
-    rules = make_rules(config, scan, checked_area(config, surface_area(scan)), box.diagonal(), tuning);
-  std::optional<TileSource> tiles;
-  if (scan.is_cloud() || !all_hold_primitives(rules)) {
-    tiles = upload(device, scan, config);
-    // Without the area of noise.
-    const float area = checked_area(config, static_cast<double>(tiles->partition.nodes[0].sums.area));
-    rules = make_rules(config, scan, area, box.diagonal(), tuning);
-  }
+  const ScanPart all{.box = bounds(scan),
+                     .vertices = scan.positions.size(),
+                     .triangles = scan.triangles.size(),
+                     .own_vertices = static_cast<std::uint32_t>(scan.positions.size()),
+                     .own_primitives = static_cast<std::uint32_t>(scan.is_cloud() ? scan.positions.size()
+                                                                                  : scan.triangles.size()),
+                     .stays = {}};
+  BuildPlan plan = plan_levels(device, scan, all, config, tuning);
   time.upload += watch.lap();
+  return build_levels(device, scan, all, plan, progress, time);
+}
 
-  // The device makes the levels of tiles while the host makes those of primitives.
-  Rbvh rbvh;
-  rbvh.levels.resize(rules.size());
-  time.levels.resize(rules.size());
-  BuildTimings host_time;
-  host_time.levels.resize(rules.size());
-  std::future<void> of_primitives = std::async(std::launch::async, [&] {
-    build_levels_of_primitives(device, scan, rules, box, rbvh.levels, host_time);
-  });
-  if (tiles) build_levels_of_tiles(*tiles, scan, rules, box, progress, rbvh.levels, time);
-  of_primitives.get();
-  time.simplify += host_time.simplify;
-  time.partition += host_time.partition;
-  time.pack += host_time.pack;
-  for (std::size_t i = 0; i < rules.size(); ++i)
-    if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
-  report(progress, "tiles", 1);
-  rbvh.source.vertices = scan.positions.size();
-  rbvh.source.triangles = scan.triangles.size();
-  rbvh.source.area = rules.front().area;
-  rbvh.source.shift = scan.shift;
-  if (!scan.units.empty()) rbvh.source.units = scan.units;
-  rbvh.source.bounds = box;
-  return rbvh;
+float widest_texel(const ScanPart& whole, const BuildConfig& config) {
+  float widest = 0;
+  for (const LevelRule& rule : make_rules(config, whole, static_cast<float>(whole.area), {}))
+    if (!rule.holds_primitives) widest = std::max(widest, primitive_texel(whole.area, rule.level.rho));
+  return widest;
+}
+
+Rbvh build_part(const Device& device, Scan&& scan, const ScanPart& part, const BuildConfig& config,
+                const Progress& progress, BuildTimings* timings) {
+  RBVH_CHECK(!config.focus && part.own_primitives > 0);
+  BuildTimings unasked;
+  BuildTimings& time = timings != nullptr ? *timings : unasked;
+  time = {};
+  Stopwatch watch;
+  report(progress, "upload", 0);
+  BuildConfig own_config = config;
+  own_config.area = part.area;
+  const bool has_objects = !scan.object_ids.empty();
+  set_apart(scan, part.own_primitives);
+  BuildPlan plan = plan_levels(device, scan, part, own_config, {});
+  keep_own(scan, part, has_objects);
+  time.upload += watch.lap();
+  return build_levels(device, scan, part, plan, progress, time);
 }
 
 }  // namespace rbvh

@@ -179,24 +179,29 @@ RefineState start_refining(const Primitives& primitives, const Partition& partit
   return level;
 }
 
-/// Lists the primitives of the leaves that hold these.
-void list_primitives(RefineState& level) {
+/// Lists the primitives of the leaves that hold these. Those from `own` on go, and so do leaves of such
+/// alone.
+void list_primitives(RefineState& level, std::uint32_t own) {
   const std::vector<std::uint32_t> references = level.partition.references.read(),
                                    order = level.primitives.order.read();
-  level.result.held.resize(level.result.tiles.size());
-  for (std::size_t k = 0; k < level.result.tiles.size(); ++k) {
-    const Tile& tile = level.result.tiles[k];
-    if (tile.decision != LeafDecision::kPrimitives) continue;
+  std::vector<Tile> tiles;
+  for (const Tile& tile : level.result.tiles) {
     const PartitionNode& node = level.partition.nodes[tile.node];
+    std::vector<std::uint32_t> held;
     for (std::uint32_t i = node.begin; i < node.end; ++i)
-      level.result.held[k].push_back(order[references[i]]);
+      if (order[references[i]] < own) held.push_back(order[references[i]]);
+    if (held.empty()) continue;
+    if (tile.decision != LeafDecision::kPrimitives) held.clear();
+    tiles.push_back(tile);
+    level.result.held.push_back(std::move(held));
   }
+  level.result.tiles = std::move(tiles);
 }
 
 }  // namespace
 
 RefinedLevel refine_level(const Primitives& primitives, const Partition& partition, const LevelRule& rule,
-                          Stopwatch& watch, BuildTimings& time) {
+                          std::uint32_t own_primitives, Stopwatch& watch, BuildTimings& time) {
   RefineState level = start_refining(primitives, partition, rule);
   Partition& own = level.partition;
   std::vector<std::uint32_t> leaves = leaves_of(partition, rule);
@@ -220,7 +225,7 @@ RefinedLevel refine_level(const Primitives& primitives, const Partition& partiti
     }
     time.partition += watch.lap();
   }
-  list_primitives(level);
+  list_primitives(level, own_primitives);
   return std::move(level.result);
 }
 

@@ -20,8 +20,9 @@ struct RefinedLevel {
 };
 
 /// `partition` stays as it is, so that no level depends on another. Adds to the seconds in `time` by the laps
-/// of `watch`.
+/// of `watch`. The scan's primitives from `own` on are those of neighbouring parts: they show how the surface
+/// goes on, and tiles of these alone are left out.
 RefinedLevel refine_level(const Primitives& primitives, const Partition& partition, const LevelRule& rule,
-                          Stopwatch& watch, BuildTimings& time);
+                          std::uint32_t own, Stopwatch& watch, BuildTimings& time);
 
 }  // namespace rbvh

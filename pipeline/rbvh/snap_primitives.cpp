@@ -64,7 +64,8 @@ using ThinEdge = std::tuple<std::int32_t, Cell, Cell>;
 /// Where two corners of a triangle come to lie, which have one place or two.
 class ThinParts {
  public:
-  ThinParts(Scan& scan, const Lattice& lattice) : scan_(scan), lattice_(lattice) {}
+  ThinParts(Scan& scan, const Lattice& lattice, std::span<const std::uint8_t> stays)
+      : scan_(scan), lattice_(lattice), stays_(stays) {}
 
   void widen() {
     std::vector<std::uint8_t> is_thin(scan_.triangles.size());
@@ -144,7 +145,7 @@ class ThinParts {
         std::none_of(cells.begin(), cells.end(), [&](const Cell& cell) { return used_.contains(cell); });
     std::size_t moved = 0;
     for (std::size_t c = 1; c < 3; ++c) {
-      if (is_open_[t[c]] && !is_alone) continue;
+      if ((is_open_[t[c]] && !is_alone) || (!stays_.empty() && stays_[t[c]] != 0)) continue;
       if (cells[c] != cells[0] && (c == 1 || (moved > 0 && cells[2] != cells[1]))) continue;
       Vec3f& p = scan_.positions[t[c]];
       const int axis = axes[moved++];
@@ -154,6 +155,7 @@ class ThinParts {
 
   Scan& scan_;
   const Lattice& lattice_;
+  std::span<const std::uint8_t> stays_;
   std::map<ThinEdge, std::uint32_t> edges_;  ///< with the first of their triangles
   std::vector<bool> has_thin_ =
       std::vector<bool>(1 << 16);  ///< of hashes of cells, whether any is an end of them
@@ -163,8 +165,8 @@ class ThinParts {
 
 }  // namespace
 
-void widen_thin_parts(Scan& scan, const Lattice& lattice) {
-  if (lattice.step > 0 && !scan.is_cloud()) ThinParts(scan, lattice).widen();
+void widen_thin_parts(Scan& scan, const Lattice& lattice, std::span<const std::uint8_t> stays) {
+  if (lattice.step > 0 && !scan.is_cloud()) ThinParts(scan, lattice, stays).widen();
 }
 
 PrimitiveVertices::PrimitiveVertices(const Scan& scan, std::span<const Vec3f> normals,

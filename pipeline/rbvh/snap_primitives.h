@@ -15,8 +15,9 @@ namespace rbvh {
 inline constexpr float kSameNormal = 0.94f;
 
 /// Keeps parts that are thinner than the lattice, such as wires: where rounding would leave no area to all
-/// triangles at an edge or in a cell, moves a vertex or two of one of them by a step.
-void widen_thin_parts(Scan& scan, const Lattice& lattice);
+/// triangles at an edge or in a cell, moves a vertex or two of one of them by a step. `stays`: of each vertex
+/// whether it must stay, or empty.
+void widen_thin_parts(Scan& scan, const Lattice& lattice, std::span<const std::uint8_t> stays = {});
 
 /// For each vertex of the leaves' triangles the first of them at its place.
 std::vector<std::uint32_t> find_first_at_place(const RefinedLevel& level, const Scan& scan,

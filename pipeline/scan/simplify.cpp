@@ -91,11 +91,17 @@ bool close_seams(const Scan& scan, float cell, const std::vector<bool>& open,
 
 /// Two edges of the surface that are no further apart than rounding puts them are one; the closest ones
 /// first, as the wrong two could meet where triangles are as small.
-void close_seams(const Scan& scan, float error, std::vector<Triangle>& triangles) {
-  std::vector<bool> open = open_vertices(scan.positions.size(), triangles);
+void close_seams(const Scan& scan, float error, const std::vector<std::uint8_t>& stays,
+                 std::vector<Triangle>& triangles) {
+  const auto find_open = [&] {
+    std::vector<bool> open = open_vertices(scan.positions.size(), triangles);
+    for (std::size_t v = 0; v < stays.size(); ++v)
+      if (stays[v] != 0) open[v] = false;
+    return open;
+  };
+  std::vector<bool> open = find_open();
   for (const float closer : {1.0f / 64, 1.0f})
-    if (close_seams(scan, closer * kLatticeStep * error, open, triangles))
-      open = open_vertices(scan.positions.size(), triangles);
+    if (close_seams(scan, closer * kLatticeStep * error, open, triangles)) open = find_open();
 }
 
 /// Triangles that are simplified together: what they need stays in the cache, and each part has a thread.
@@ -104,10 +110,11 @@ constexpr std::size_t kPartTriangles = 1 << 14;
 constexpr float kStepError = 1.5f;
 
 /// The triangles of one object, by vertices; `places`: of each vertex the first at its place; `positions`:
-/// those of places are moved.
+/// those of places are moved, unless they must stay.
 struct Object {
   std::vector<Vec3f>& positions;
   const std::vector<std::uint32_t>& places;
+  const std::vector<std::uint8_t>& stays;  ///< of each place whether it must; empty: none
   std::vector<Triangle> triangles;
 };
 
@@ -175,7 +182,8 @@ Part simplify_part(const Object& object, std::span<const std::uint32_t> triangle
         number = static_cast<std::uint32_t>(part.places.size());
         part.places.push_back(place);
         mesh.places.push_back(object.positions[place]);
-        mesh.stays.push_back(stays[place]);
+        mesh.stays.push_back(stays[place] != 0 || (!object.stays.empty() && object.stays[place] != 0) ? 1
+                                                                                                      : 0);
       }
       t[c] = number;
     }
@@ -248,12 +256,12 @@ void simplify_object(Object& object, float error) {
 /// The triangles' corners after welding, by object; those that weld to nothing go.
 std::map<std::int32_t, std::vector<Triangle>> by_object(const Scan& scan,
                                                         const std::vector<std::uint32_t>& places,
-                                                        float error) {
+                                                        const std::vector<std::uint8_t>& stays, float error) {
   const std::vector<std::uint32_t> first_of = weld(scan, places);
   std::vector<Triangle> triangles = scan.triangles;
   for (Triangle& t : triangles)
     for (std::uint32_t& corner : t) corner = first_of[corner];
-  if (error > 0) close_seams(scan, error, triangles);
+  if (error > 0) close_seams(scan, error, stays, triangles);
   std::map<std::int32_t, std::vector<Triangle>> objects;
   for (std::size_t i = 0; i < scan.triangles.size(); ++i) {
     const Triangle& t = triangles[i];
@@ -285,15 +293,19 @@ bool is_fine(const Scan& scan, float width) {
   return static_cast<double>(narrow) > kMostNarrow * static_cast<double>(scan.triangles.size());
 }
 
-Scan simplify_once(const Scan& scan, float error) {
+/// `stays`: of each vertex whether it must, or empty.
+Scan simplify_once(const Scan& scan, float error, std::vector<std::uint8_t>& stays) {
   Scan result;
+  std::vector<std::uint8_t> result_stays;
   result.shift = scan.shift;
   std::vector<std::uint32_t> numbers(scan.positions.size(), 0xffffffffu);
   const std::vector<std::uint32_t> places = first_at_place(scan);
   std::vector<Vec3f> positions = scan.positions;
-  for (auto& [id, triangles] : by_object(scan, places, error)) {
+  for (std::size_t v = 0; v < stays.size(); ++v)  // vertices that no triangle uses have no place
+    if (stays[v] != 0 && places[v] < stays.size()) stays[places[v]] = 1;
+  for (auto& [id, triangles] : by_object(scan, places, stays, error)) {
     const std::vector<Triangle> before = triangles;
-    Object object{positions, places, std::move(triangles)};
+    Object object{positions, places, stays, std::move(triangles)};
     simplify_object(object, error);
     for (const Triangle& t : object.triangles) {
       Triangle& triangle = result.triangles.emplace_back();
@@ -303,6 +315,7 @@ Scan simplify_once(const Scan& scan, float error) {
         if (number == 0xffffffffu) {
           number = static_cast<std::uint32_t>(result.positions.size());
           result.positions.push_back(positions[places[vertex]]);
+          if (!stays.empty()) result_stays.push_back(stays[places[vertex]]);
           if (!scan.normals.empty()) result.normals.push_back(scan.normals[vertex]);
           if (!scan.colors.empty()) result.colors.push_back(scan.colors[vertex]);
         }
@@ -316,20 +329,23 @@ Scan simplify_once(const Scan& scan, float error) {
         positions[places[vertex]] = scan.positions[places[vertex]];
       }
   }
+  stays = std::move(result_stays);
   return result;
 }
 
 }  // namespace
 
-Scan simplify(const Scan& scan, float error) {
+Scan simplify(const Scan& scan, float error, std::vector<std::uint8_t>* stays) {
   if (scan.is_cloud()) return scan;
+  std::vector<std::uint8_t> none;
+  if (stays == nullptr) stays = &none;
   Scan result;
   const Scan* from = &scan;
   std::vector<float> steps = {error};
   while (steps.size() < kMostSteps && is_fine(scan, kNarrow * steps.back()))
     steps.push_back(kFinerStep * steps.back());
   for (; !steps.empty(); steps.pop_back()) {
-    result = simplify_once(*from, steps.back());
+    result = simplify_once(*from, steps.back(), *stays);
     from = &result;
   }
   return result;

@@ -10,6 +10,7 @@ std::size_t leaf_count(const SceneObject& object) {
   if (const Scan* scan = object.scan())
     return scan->is_cloud() ? scan->positions.size() : scan->triangles.size();
   if (const Level* level = object.level()) return level->leaves.size();
+  if (const LevelOnDemand* level = object.on_demand()) return level->leaves;
   return object.proxy()->quads.size();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -13,14 +14,22 @@
 
 namespace rbvh {
 
+/// A level that is read when it is wanted.
+struct LevelOnDemand {
+  std::uint32_t leaves = 0;
+  std::uint64_t bytes = 0;  ///< about, in memory and on the device
+  std::function<Level()> load;
+};
+
 struct SceneObject {
   std::string name;
-  std::variant<Scan, Level, Proxy> content;  ///< a cloud has normals and radii
-  Bounds3f bounds;                           ///< in its own space
-  Vec3d shift{};                             ///< its file's coordinates are its own + shift
+  std::variant<Scan, Level, Proxy, LevelOnDemand> content;  ///< a cloud has normals and radii
+  Bounds3f bounds;                                          ///< in its own space
+  Vec3d shift{};                                            ///< its file's coordinates are its own + shift
   const Scan* scan() const { return std::get_if<Scan>(&content); }
   const Level* level() const { return std::get_if<Level>(&content); }
   const Proxy* proxy() const { return std::get_if<Proxy>(&content); }
+  const LevelOnDemand* on_demand() const { return std::get_if<LevelOnDemand>(&content); }
 };
 
 struct SceneInstance {
@@ -33,6 +42,10 @@ struct Scene {
   std::vector<SceneInstance> instances;
   bool z_is_up = false;
   Vec3d shift{};  ///< the coordinates that the scene states are these + shift
+  /// Of a pair of parts: the level whose parts the objects are, the scan's units, and how many bytes of them
+  /// are there at once.
+  std::string level, units;
+  std::uint64_t resident_bytes = 0;
 };
 
 /// Chooses the frame common to all objects and moves the instances, which the scene states for their files'

@@ -53,6 +53,7 @@ std::unique_ptr<Tracer> make_tracer(const Device& device, const Asset& asset, co
 
 std::vector<std::string> choose_levels(const Asset& asset, const std::vector<std::string>& wanted,
                                        bool has_auto) {
+  if (const Scene* scene = asset.scene(); scene != nullptr && !scene->level.empty()) return {scene->level};
   if (!asset.rbvh()) return {asset.scan() ? "exact" : "scene"};
   if (has_auto && wanted == std::vector<std::string>{"auto"}) return wanted;
   return choose_levels(level_names(asset), wanted, asset.path);
@@ -93,8 +94,8 @@ void check_tracer_budget(const MemoryBudget& memory, const Asset& asset, const S
       bytes += exact_bytes(leaf_count(object), config.exact);
     } else if (const Level* level = object.level()) {
       if (!level->layers.empty()) bytes += level->layers[0].texels.size() * sizeof(std::uint16_t);
-    } else {
-      const Proxy& proxy = *object.proxy();
+    } else if (const Proxy* found = object.proxy()) {
+      const Proxy& proxy = *found;
       has_proxy = true;
       bytes += 2 * proxy.map.size() * sizeof(Vec3f) + proxy.quads.size() * kBytesPerPatch;  // here, and there
     }

@@ -7,6 +7,7 @@
 #include "kernels/common/scene_layout.h"
 #include "pipeline/base/error.h"
 #include "pipeline/bvh/wide_bvh.h"
+#include "pipeline/trace/level_residency.h"
 #include "pipeline/trace/ray_queue.h"
 
 namespace rbvh {
@@ -15,7 +16,9 @@ struct SceneTracerState {
   const Scene* scene = nullptr;
   std::vector<std::uint32_t> first_leaf;         ///< of each instance, and the number of all
   std::vector<std::uint32_t> number;             ///< of each object among the tracers, or among the proxies
-  std::vector<std::unique_ptr<Tracer>> tracers;  ///< one for each object that is no proxy
+  std::vector<std::unique_ptr<Tracer>> tracers;  ///< one for each object that is no proxy; none: on demand
+  std::vector<std::uint32_t> objects;            ///< of each of these
+  std::optional<LevelResidency> on_demand;
   std::optional<PatchTracer> proxies;
   double pixels = 1;
 
@@ -31,6 +34,10 @@ struct SceneTracerState {
   Buffer<Ray> camera_rays, placed_rays;
   Buffer<Hit> placed_hits;
   Buffer<std::uint32_t> placed_steps;
+
+  const Tracer& tracer(std::uint32_t at) {
+    return tracers[at] != nullptr ? *tracers[at] : on_demand->tracer_of(objects[at]);
+  }
 };
 
 namespace {
@@ -86,14 +93,14 @@ void reserve(const Device& device, SceneTracerState& state, std::size_t rays) {
 void trace_items(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buffer<Hit>& hits,
                  std::uint32_t number, std::uint32_t begin, std::uint32_t end, RayQuery query,
                  bool has_steps) {
-  const SceneTracerState& state = *tracer.state;
+  SceneTracerState& state = *tracer.state;
   const RayQueue& queue = state.queue;
   const std::uint32_t count = end - begin;
   tracer.device.kernel("trace/trace_scene", "place_rays", state.options)
       .run(count, kGroup, queue.places, begin, count, queue.items, state.placements, rays, hits,
            state.placed_rays);
-  state.tracers[number]->intersect(state.placed_rays, state.placed_hits, count, query,
-                                   has_steps ? &state.placed_steps : nullptr);
+  state.tracer(number).intersect(state.placed_rays, state.placed_hits, count, query,
+                                 has_steps ? &state.placed_steps : nullptr);
   tracer.device.kernel("trace/trace_scene", "collect_hits", state.options)
       .run(count, kGroup, queue.places, begin, count, queue.items, state.placements, rays, state.placed_hits,
            state.placed_steps, queue.item_hits, has_steps ? queue.item_steps : Buffer<std::uint32_t>());
@@ -164,7 +171,11 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
       continue;
     }
     number.push_back(static_cast<std::uint32_t>(state.tracers.size()));
-    if (const Level* level = object.level())
+    state.objects.push_back(static_cast<std::uint32_t>(number.size() - 1));
+    if (object.on_demand() != nullptr) {
+      if (!state.on_demand) state.on_demand.emplace(device, scene);
+      state.tracers.push_back(nullptr);
+    } else if (const Level* level = object.level())
       state.tracers.push_back(std::make_unique<TileTracer>(make_tile_tracer(device, *level)));
     else
       state.tracers.push_back(
@@ -249,7 +260,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
       const Vec3f n = static_cast<Vec3f>(normalized(instance.to_world.transposed(world)));
       for (int axis = 0; axis < 3; ++axis) own.back().normal[axis] = n[axis];
     }
-    const SurfaceSamples samples = state->tracers[state->number[instance.object]]->surface(own, own_spread);
+    const SurfaceSamples samples = state->tracer(state->number[instance.object]).surface(own, own_spread);
     if (!samples.colors.empty() && all.colors.empty()) all.colors.assign(hits.size(), kClay);
     for (std::size_t n = 0; n < pixels[k].size(); ++n) {
       all.normals[pixels[k][n]] = to_world_normal(samples.normals[n]);
@@ -261,7 +272,9 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
 
 std::uint64_t SceneTracer::memory() const {
   std::uint64_t total = state->nodes.size_bytes() + state->placements.size_bytes();
-  for (const std::unique_ptr<Tracer>& tracer : state->tracers) total += tracer->memory();
+  for (const std::unique_ptr<Tracer>& tracer : state->tracers)
+    if (tracer != nullptr) total += tracer->memory();
+  if (state->on_demand) total += state->on_demand->bytes();
   if (state->proxies) total += state->proxies->memory();
   return total;
 }
