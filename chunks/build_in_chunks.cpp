@@ -283,6 +283,9 @@ ChunkReport build_in_chunks(const Device& device, const ScanSurvey& survey, cons
     if (chunks.chunks == 0)
       check_budget(chunks.memory, chunk_memory(ply, config, primitives) * 4 / 5, ply.path,
                    "building chunk " + std::to_string(i + 1) + " of " + std::to_string(plan.cells.size()));
+    if (!(journal->counts[i].area > 0))
+      throw Error(ErrorKind::kInput, ply.path,
+                  "the primitives of chunk " + std::to_string(i + 1) + " have no area; ingest it first");
     report(progress, "chunks", static_cast<double>(i) / static_cast<double>(plan.cells.size()));
     journal->parts.push_back(build_cell(device, survey, *journal, plan, grid, folder, i, config, {}));
     malloc_trim(0);

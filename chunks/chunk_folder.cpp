@@ -7,8 +7,10 @@
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <vector>
 
+#include "chunks/chunk_journal.h"
 #include "io/output_file.h"
 #include "io/posix_file.h"
 #include "pipeline/base/error.h"
@@ -43,6 +45,14 @@ bool is_part_file(const std::string& name) {
          (name.ends_with(".rbvh") || name.ends_with(".atlas.tif"));
 }
 
+void remove_files(const ChunkFolder& folder, const std::function<bool(const std::string& name)>& which) {
+  std::error_code ignored;
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder.path, ignored))
+    if (which(entry.path().filename().string())) files.push_back(entry.path());
+  for (const fs::path& file : files) fs::remove(file, ignored);
+}
+
 }  // namespace
 
 std::string part_name(std::size_t number) {
@@ -71,15 +81,13 @@ ChunkFolder open_chunk_folder(const std::string& output, std::uint64_t key) {
 }
 
 void empty_folder(const ChunkFolder& folder) {
-  std::vector<fs::path> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder.path))
-    if (entry.path().filename() != kLock) files.push_back(entry.path());
-  for (const fs::path& file : files) fs::remove_all(file);
+  remove_files(folder, [](const std::string& name) { return !is_part_file(name) && name != kLock; });
 }
 
 void discard_folder(ChunkFolder& folder) {
+  remove_files(folder, [](const std::string& name) { return !is_part_file(name); });
   std::error_code ignored;
-  fs::remove_all(folder.path, ignored);
+  fs::remove(folder.path, ignored);  // where it is empty
   folder.lock.reset();
 }
 
@@ -94,10 +102,7 @@ void check_room(const ChunkFolder& folder, std::uint64_t bytes, const std::strin
 
 void finish_folder(ChunkFolder& folder, const std::string& output) {
   std::error_code ignored;
-  std::vector<fs::path> left;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder.path, ignored))
-    if (!is_part_file(entry.path().filename().string())) left.push_back(entry.path());
-  for (const fs::path& file : left) fs::remove(file, ignored);
+  remove_files(folder, [](const std::string& name) { return !is_part_file(name) && name != kJournalName; });
   const std::string prefix = prefix_of(follow_link(output));
   std::vector<fs::path> others;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_of(follow_link(output)), ignored)) {

@@ -16,7 +16,7 @@ using nlohmann::ordered_json;
 }  // namespace
 
 std::string journal_path(const std::string& folder) {
-  return (std::filesystem::path(folder) / "journal.json").string();
+  return (std::filesystem::path(folder) / kJournalName).string();
 }
 
 std::optional<ChunkJournal> read_journal(const std::string& folder, std::uint64_t key) {

@@ -20,6 +20,7 @@ struct ChunkJournal {
   std::vector<PairPart> parts;     ///< of the first cells, which are built
 };
 
+inline constexpr const char* kJournalName = "journal.json";
 std::string journal_path(const std::string& folder);
 
 /// Nothing where there is none, it is damaged, or of another key.

@@ -264,7 +264,6 @@ Asset load_parts(const std::string& path, const LoadConfig& config) {
   Scene scene;
   scene.shift = table.source.shift;
   scene.level = name;
-  scene.units = table.source.units;
   scene.resident_bytes = memory_limit(config.memory) / 2;
   scene.z_is_up = table.source.triangles == 0;
   for (const PairPart& part : table.parts) {

@@ -42,9 +42,8 @@ struct Scene {
   std::vector<SceneInstance> instances;
   bool z_is_up = false;
   Vec3d shift{};  ///< the coordinates that the scene states are these + shift
-  /// Of a pair of parts: the level whose parts the objects are, the scan's units, and how many bytes of them
-  /// are there at once.
-  std::string level, units;
+  /// Of a pair of parts: the level whose parts the objects are, and how many bytes of them are there at once.
+  std::string level;
   std::uint64_t resident_bytes = 0;
 };
 

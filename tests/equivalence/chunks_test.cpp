@@ -239,7 +239,7 @@ TEST_F(ChunksTest, ThreadsDoNotShow) {
   }
   set_thread_count(0);
   EXPECT_TRUE(bytes[0] == bytes[1]);
-  EXPECT_EQ(bytes[0].size(), 2 + 2 * 3u);  // the scan and the table, and pairs
+  EXPECT_EQ(bytes[0].size(), 3 + 2 * 3u);  // the scan, the table, the journal, and pairs
 }
 
 TEST_F(ChunksTest, PartsLeaveByUse) {
