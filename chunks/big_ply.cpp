@@ -90,8 +90,9 @@ std::optional<BigPly> open_big_ply(const std::string& path) {
   if (!is_ply(begin)) return std::nullopt;
   ply.header = ply::parse_header(begin, path);
   const std::vector<ply::Element>& elements = ply.header.elements;
-  if (ply.header.format != ply::Format::kLittleEndian || elements.empty() || elements.size() > 2 ||
-      !find_vertices(elements[0], ply) || (elements.size() == 2 && !find_faces(elements[1], ply)))
+  if (ply.header.format != ply::Format::kLittleEndian || !ply.header.textures.empty() || elements.empty() ||
+      elements.size() > 2 || !find_vertices(elements[0], ply) ||
+      (elements.size() == 2 && !find_faces(elements[1], ply)))
     return std::nullopt;
   ply.vertices.at = ply.header.size;
   ply.faces.at = ply.vertices.at + ply.vertices.count * ply.vertices.bytes;

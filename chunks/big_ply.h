@@ -45,8 +45,8 @@ struct BigPly {
   std::uint64_t primitives() const { return is_cloud() ? vertices.count : faces.count; }
 };
 
-/// Nothing where the file is another format, another kind of PLY, or no regular file. Throws Error(kInput)
-/// where it is cut.
+/// Nothing where the file is another format, another kind of PLY, textured, or no regular file. Throws
+/// Error(kInput) where it is cut.
 std::optional<BigPly> open_big_ply(const std::string& path);
 
 /// Fills `to` from a byte on. Throws Error(kInput), also where the file has become shorter.

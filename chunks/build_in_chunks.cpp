@@ -29,8 +29,9 @@ namespace {
 
 /// What the process takes before anything is read, with the device's compiler.
 constexpr std::uint64_t kProcessBytes = std::uint64_t{300} << 20;
-/// Of a cell's estimate, what those near it, uneven cells and freed memory that is not given back add.
-constexpr double kUneven = 1.5;
+/// Of build_memory(): what a whole scan takes, as measured at 4 million triangles, and what a cell does, with
+/// those near it, uneven cells and freed memory that is not given back.
+constexpr double kWhole = 1.8, kUneven = 2.5;
 constexpr std::uint32_t kMostChunks = 256;  // each has a file open while the scan is sorted
 /// Of the scan's primitives, bytes of the result, at most, as measured.
 constexpr std::uint64_t kResultBytesPerPrimitive = 12;
@@ -243,7 +244,9 @@ std::optional<ChunkJournal> find_journal(const ChunkFolder& folder, std::uint64_
 
 bool fits_memory(const BigPly& ply, const BuildConfig& config, const MemoryBudget& memory) {
   const std::uint64_t limit = memory_limit(memory);
-  return ply.bytes * 3 <= limit && build_memory(ply.vertices.count, ply.primitives(), config) <= limit;
+  const auto whole = static_cast<double>(build_memory(ply.vertices.count, ply.primitives(), config));
+  return ply.bytes * 3 <= limit &&
+         static_cast<double>(kProcessBytes) + kWhole * whole <= static_cast<double>(limit);
 }
 
 void check_chunk_output(const std::string& output, bool overwrite) {

@@ -122,7 +122,8 @@ void run_build(Context& context, const BuildOptions& options) {
     return run_in_chunks(context, options, config, *ply);
   if (options.chunks > 0)
     throw Error(ErrorKind::kInput, options.file,
-                "--chunks is for binary little-endian PLY files of triangles or points; ingest it first");
+                "--chunks is for binary little-endian PLY files of triangles or points, without textures; "
+                "ingest it first");
   std::future<Device> opening = open_meanwhile(context.device);
   const std::future<void> images = load_images_meanwhile();
 

@@ -186,7 +186,7 @@ TEST_F(ChunksTest, ColorsAndObjectsAreKept) {
   const auto tracer = make_tracer(device, asset);
   const std::vector<Ray> rays = {ray({3, 0.1f, 0.1f}, {0.5f, 0, 0}), ray({-3, 0.1f, 0.1f}, {-0.5f, 0, 0})};
   const std::vector<Hit> hits = intersect(*tracer, rays);
-  const SurfaceSamples surface = tracer->surface(hits);
+  const SurfaceSamples surface = tracer->surface(hits, 0);
   ASSERT_EQ(surface.colors.size(), 2u);
   EXPECT_GT(surface.colors[0].x, 2 * surface.colors[0].z);
   EXPECT_GT(surface.colors[1].z, 2 * surface.colors[1].x);

@@ -52,7 +52,7 @@ class TraceScene : public TraceTest {
   }
 };
 
-SceneObject object(std::variant<Scan, Level, Proxy> content, Bounds3f box) {
+SceneObject object(decltype(SceneObject::content) content, Bounds3f box) {
   SceneObject made;
   made.content = std::move(content);
   made.bounds = box;
