@@ -105,6 +105,10 @@ TEST_F(ChunksToolTest, RefusesInOneLine) {
   wrong.replace(wrong.size() - 8, 4, "\xff\xff\xff\x7f");
   std::ofstream(path("wrong.ply"), std::ios::binary) << wrong;
   bad("build wrong.ply --chunks 2 -o a.rbvh", 3, "is out of range");
+  std::string textured = bytes;
+  textured.insert(textured.find("element vertex"), "comment TextureFile a.png\n");
+  std::ofstream(path("textured.ply"), std::ios::binary) << textured;
+  bad("build textured.ply --chunks 2 -o a.rbvh", 3, "without textures");
   write_glb(path("scan.glb"), sphere, {0, 1, 0}, true);
   bad("build scan.glb --chunks 2 -o a.rbvh", 3, "--chunks is for binary little-endian PLY");
   bad("build scan.ply --chunks 0 -o a.rbvh", 2, "--chunks");
