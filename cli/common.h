@@ -20,7 +20,7 @@
 #include <string_view>
 #include <utility>
 
-#include "io/progress_reporter.h"
+#include "cli/progress.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/memory_budget.h"
 #include "pipeline/base/stopwatch.h"

@@ -1,4 +1,4 @@
-#include "io/progress_reporter.h"
+#include "cli/progress.h"
 
 #include <unistd.h>
 
