@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "chunks/chunk_journal.h"
+#include "io/hash.h"
 #include "io/output_file.h"
 #include "io/posix_file.h"
 #include "pipeline/base/error.h"
@@ -63,10 +64,8 @@ std::string part_name(std::size_t number) {
 
 ChunkFolder open_chunk_folder(const std::string& output, std::uint64_t key) {
   const std::string target = follow_link(output);
-  char digits[kKeyDigits + 1];
-  std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(key));
   ChunkFolder folder;
-  folder.name = prefix_of(target) + digits;
+  folder.name = prefix_of(target) + hash_digits(key);
   folder.path = (fs::path(folder_of(target)) / folder.name).string();
   std::error_code code;
   fs::create_directory(folder.path, code);

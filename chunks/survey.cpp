@@ -1,30 +1,13 @@
 #include "chunks/survey.h"
 
-#include <xxhash.h>
-
 #include <cmath>
-#include <memory>
-#include <new>
 
+#include "io/hash.h"
 #include "pipeline/base/error.h"
 #include "pipeline/scan/float_shift.h"
 
 namespace rbvh {
 namespace {
-
-/// XXH3 of the bytes in the order in which they are given.
-class Hash {
- public:
-  Hash() : state_(XXH3_createState(), XXH3_freeState) {
-    if (state_ == nullptr) throw std::bad_alloc();
-    XXH3_64bits_reset(state_.get());
-  }
-  void add(std::span<const std::byte> bytes) { XXH3_64bits_update(state_.get(), bytes.data(), bytes.size()); }
-  std::uint64_t value() const { return XXH3_64bits_digest(state_.get()); }
-
- private:
-  std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state_;
-};
 
 /// A cloud's radius, as read_ply() finds it.
 std::optional<PlyField> radius_field(const BigPly& ply) {
@@ -68,7 +51,7 @@ ScanSurvey survey_scan(const BigPly& ply, const Progress& progress) {
   ScanSurvey survey;
   survey.ply = ply;
   Bounds3d box;
-  Hash hash;
+  Hasher hash;
   const auto add_to_hash = [&](std::uint64_t first, std::size_t count, std::span<const std::byte> bytes) {
     hash.add(bytes);
     report(progress, "survey", static_cast<double>(first + count) / static_cast<double>(ply.bytes));

@@ -1,11 +1,11 @@
 #include "io/describe.h"
 
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <set>
 
+#include "io/hash.h"
 #include "io/parts_file.h"
 #include "io/proxy_file.h"
 #include "io/rbvh_file.h"
@@ -20,12 +20,6 @@ namespace rbvh {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string hex(std::uint64_t hash) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-  return text;
-}
 
 template <class Header>
 std::string format_version(const Header& header) {
@@ -114,7 +108,7 @@ Json level_json(const Level& level, const RbvhSource& source) {
 
 Json source_json(const RbvhSource& source) {
   return {{"name", source.name},
-          {"hash", hex(source.hash)},
+          {"hash", hash_digits(source.hash)},
           {"kind", source.triangles > 0 ? "mesh" : "cloud"},
           {"vertices", source.vertices},
           {"triangles", source.triangles},
@@ -134,9 +128,11 @@ Json pair_json(const std::string& path, const LoadConfig& config) {
       {"kind", "rbvh"},
       {"format", format_version(header)},
       {"bytes", header.hierarchy_bytes + header.atlas_bytes},
-      {"hierarchy", {{"bytes", header.hierarchy_bytes}, {"hash", hex(header.hierarchy_hash)}}},
+      {"hierarchy", {{"bytes", header.hierarchy_bytes}, {"hash", hash_digits(header.hierarchy_hash)}}},
       {"atlas",
-       {{"file", header.atlas_file}, {"bytes", header.atlas_bytes}, {"hash", hex(header.atlas_hash)}}},
+       {{"file", header.atlas_file},
+        {"bytes", header.atlas_bytes},
+        {"hash", hash_digits(header.atlas_hash)}}},
       {"source", source_json(source)},
       {"build_options", Json::parse(rbvh.build_options)},
       {"levels", Json::array()}};
@@ -161,15 +157,15 @@ Json proxy_json(const std::string& path) {
                {"kind", "proxy"},
                {"format", format_version(header)},
                {"bytes", header.bytes()},
-               {"mesh", {{"bytes", header.mesh_bytes}, {"hash", hex(header.mesh_hash)}}},
+               {"mesh", {{"bytes", header.mesh_bytes}, {"hash", hash_digits(header.mesh_hash)}}},
                {"map",
                 {{"file", header.map_file},
                  {"bytes", header.map_bytes},
-                 {"hash", hex(header.map_hash)},
+                 {"hash", hash_digits(header.map_hash)},
                  {"size", {proxy.map_width, proxy.map_height}}}},
                {"source",
                 {{"name", header.source.name},
-                 {"hash", hex(header.source.hash)},
+                 {"hash", hash_digits(header.source.hash)},
                  {"shift", vec_json(header.source.shift)}}},
                {"vertices", proxy.positions.size()},
                {"patches", proxy.quads.size()},

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <poll.h>
-#include <spdlog/fmt/fmt.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -99,7 +98,7 @@ void remove_leftovers(const OutputFile& head, std::span<const SetPart> parts) {
 
 std::string addressed_path(const std::string& path, std::uint64_t hash) {
   const std::string extension = fs::path(path).extension().string();
-  return fs::path(path).replace_extension(fmt::format(".{:016x}{}", hash, extension)).string();
+  return fs::path(path).replace_extension("." + hash_digits(hash) + extension).string();
 }
 
 std::optional<Addressed> parse_addressed(const std::string& path) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -34,12 +33,6 @@ constexpr std::size_t kMostLevels = 32;
   throw Error(ErrorKind::kInput, path, what + "; build it again");
 }
 
-std::string hex(std::uint64_t hash) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-  return text;
-}
-
 template <class T>
 Json vec_json(const Vec3<T>& v) {
   return {v.x, v.y, v.z};
@@ -47,7 +40,7 @@ Json vec_json(const Vec3<T>& v) {
 Json bounds_json(const Bounds3f& b) { return {{"lo", vec_json(b.lo)}, {"hi", vec_json(b.hi)}}; }
 
 Json source_json(const RbvhSource& source) {
-  return {{"name", source.name},         {"hash", hex(source.hash)},
+  return {{"name", source.name},         {"hash", hash_digits(source.hash)},
           {"vertices", source.vertices}, {"triangles", source.triangles},
           {"area", source.area},         {"shift", vec_json(source.shift)},
           {"units", source.units},       {"bounds", bounds_json(source.bounds)}};
@@ -127,8 +120,12 @@ bool is_beside(const std::string& file) {
 }  // namespace
 
 nlohmann::ordered_json part_to_json(const PairPart& part) {
-  Json json = {{"file", part.file},        {"bytes", part.bytes},       {"hierarchy", hex(part.hierarchy)},
-               {"atlas", hex(part.atlas)}, {"vertices", part.vertices}, {"triangles", part.triangles},
+  Json json = {{"file", part.file},
+               {"bytes", part.bytes},
+               {"hierarchy", hash_digits(part.hierarchy)},
+               {"atlas", hash_digits(part.atlas)},
+               {"vertices", part.vertices},
+               {"triangles", part.triangles},
                {"levels", Json::array()}};
   for (const PartLevel& level : part.levels)
     json["levels"].push_back({{"leaves", level.leaves},
@@ -177,7 +174,7 @@ PartsTable decode_parts(std::string_view text, const std::string& path) {
     throw Error(ErrorKind::kInput, path,
                 "is a pair of parts of another version than " + std::string(kVersion) + "; use a newer rbvh");
   const std::string_view body = text.substr(std::min(text.size(), line.size() + 1));
-  if (words.substr(std::min(words.size(), version.size() + 1)) != hex(hash_bytes(body)))
+  if (words.substr(std::min(words.size(), version.size() + 1)) != hash_digits(hash_bytes(body)))
     refuse(path, "is cut or damaged: its bytes do not have the hash that it carries");
   const nlohmann::json json = parse_shallow_json(body, kMostDepth);
   const Fields fields(path);
@@ -219,7 +216,7 @@ void write_parts(const std::string& path, const PartsTable& table, bool overwrit
   for (const PairPart& part : table.parts) json["parts"].push_back(part_to_json(part));
   const std::string body = json.dump(1) + "\n";
   OutputFile file(path, overwrite);
-  file.write(std::string(kMagic) + std::string(kVersion) + " " + hex(hash_bytes(body)) + "\n");
+  file.write(std::string(kMagic) + std::string(kVersion) + " " + hash_digits(hash_bytes(body)) + "\n");
   file.write(body);
   file.commit();
 }

@@ -1,6 +1,4 @@
 // The writing half of io/ply.h.
-#include <spdlog/fmt/fmt.h>
-
 #include <charconv>
 #include <cstring>
 #include <deque>
@@ -53,9 +51,8 @@ std::string texture_comments(const Scan& scan, const std::vector<std::string>& i
     const Texture& texture = scan.textures[i];
     const auto wrap = [](TextureWrap how) { return std::string(ply::kWrapNames[static_cast<int>(how)]); };
     text += "comment TextureFile " + images[i] + "\ncomment rbvh texture " + wrap(texture.wrap_u) + " " +
-            wrap(texture.wrap_v) +
-            fmt::format(" {} {:016x}", texture.image->file.size(), hash_bytes(texture.image->file)) +
-            (texture.times_colors ? " times-colors\n" : "\n");
+            wrap(texture.wrap_v) + " " + std::to_string(texture.image->file.size()) + " " +
+            hash_digits(hash_bytes(texture.image->file)) + (texture.times_colors ? " times-colors\n" : "\n");
   }
   return text;
 }

@@ -79,8 +79,6 @@ std::string encode_mesh(const Proxy& proxy) {
   return text;
 }
 
-std::string hex(std::uint64_t hash) { return fmt::format("{:016x}", hash); }
-
 // Json would print a float's digits as a double's.
 std::string number_text(float value) {
   std::string text;
@@ -92,8 +90,8 @@ std::string encode_sidecar(const Proxy& proxy, const ProxyHeader& header) {
   Json json;
   json["format"] = kFormatName;
   json["version"] = {header.major, header.minor};
-  json["mesh"] = {{"bytes", header.mesh_bytes}, {"hash", hex(header.mesh_hash)}};
-  json["map"] = {{"bytes", header.map_bytes}, {"hash", hex(header.map_hash)},
+  json["mesh"] = {{"bytes", header.mesh_bytes}, {"hash", hash_digits(header.mesh_hash)}};
+  json["map"] = {{"bytes", header.map_bytes}, {"hash", hash_digits(header.map_hash)},
                  {"width", proxy.map_width},  {"height", proxy.map_height},
                  {"channels", "RGB"},         {"type", "float32"}};
   json["space"] = "object";
@@ -102,7 +100,7 @@ std::string encode_sidecar(const Proxy& proxy, const ProxyHeader& header) {
   json["midlevel"] = 0;
   const ProxySource& source = header.source;
   json["source"] = {{"name", source.name},
-                    {"hash", hex(source.hash)},
+                    {"hash", hash_digits(source.hash)},
                     {"shift", {source.shift.x, source.shift.y, source.shift.z}}};
   json["tile_columns"] = {"x", "y", "side", "longest_displacement"};
   std::string text = json.dump(1, ' ', false, Json::error_handler_t::replace);
