@@ -3,15 +3,20 @@
 // tiles of about kTileElements.
 #include "rbvh/tileset.h"
 
+#include <fcntl.h>
+#include <stdio.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "io/input_file.h"
 #include "io/output_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/units.h"
@@ -182,21 +187,24 @@ class NewFolder {
   std::string path() const { return new_.string(); }
 
   void commit() {
-    std::error_code code;
-    const fs::path old = new_.string() + ".old";
-    if (fs::exists(folder_)) fs::rename(folder_, old, code);
-    if (!code) fs::rename(new_, folder_, code);
-    if (code) throw Error(ErrorKind::kFailure, folder_.string(), "cannot be replaced: " + code.message());
-    fs::remove_all(old, code);
+    // An old tileset changes places with the new one at once, and goes under that one's name.
+    const unsigned how = fs::exists(folder_) ? RENAME_EXCHANGE : RENAME_NOREPLACE;
+    if (renameat2(AT_FDCWD, new_.c_str(), AT_FDCWD, folder_.c_str(), how) != 0)
+      throw Error(ErrorKind::kFailure, folder_.string(),
+                  std::string("cannot be replaced: ") + std::strerror(errno) + "; give another folder");
   }
 
  private:
-  /// Nothing but tilesets is replaced.
+  /// Nothing but our own tilesets is replaced.
   void check_replaceable(bool overwrite) const {
     if (!fs::is_directory(folder_)) throw Error(ErrorKind::kFailure, folder_.string(), "is no folder");
+    const fs::path tileset = folder_ / "tileset.json";
+    const bool is_ours =
+        fs::exists(tileset) &&
+        read_input(tileset.string()).view().find("\"generator\": \"rbvh\"") != std::string_view::npos;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
       const std::string name = entry.path().filename().string();
-      if (name != "tileset.json" && entry.path().extension() != ".glb")
+      if (!is_ours || (name != "tileset.json" && entry.path().extension() != ".glb"))
         throw Error(ErrorKind::kFailure, folder_.string(), "holds " + name + ", which is of no tileset");
       if (!overwrite)
         throw Error(ErrorKind::kFailure, folder_.string(),

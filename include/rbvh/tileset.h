@@ -18,8 +18,8 @@ struct TilesetCounts {
 /// Writes the folder: tileset.json, and GLB files of about 50,000 triangles or points, as level_mesh() makes
 /// them. Coarser levels are replaced by finer ones; a tile's geometricError is its level's error. The root's
 /// transform adds the shift, and makes metres of coordinates whose unit is known. The folder must not be
-/// there, or be empty, or hold a tileset alone and `overwrite` be set. Throws Error(kUsage) for an asset that
-/// is no pair, Error(kFailure).
+/// there, or be empty, or hold such a tileset alone and `overwrite` be set; that is replaced at once. Throws
+/// Error(kUsage) for an asset that is no pair, Error(kFailure).
 TilesetCounts write_tileset(const std::string& folder, const Asset& pair, bool overwrite,
                             const Progress& progress = {});
 

@@ -106,6 +106,12 @@ TEST_F(Tiles, ReplaceNothingElse) {
   good("tiles scan.rbvh -o old/");
   bad("tiles scan.rbvh -o old", 1, "not empty");
   EXPECT_EQ(read("mine/notes.txt"), "keep");
+  std::filesystem::create_directory(path("models"));
+  write("models/car.glb", "keep");
+  bad("tiles scan.rbvh -o models -f", 1, "car.glb");
+  write("models/tileset.json", "{\"asset\": {\"generator\": \"other\"}}");
+  bad("tiles scan.rbvh -o models -f", 1, "of no tileset");
+  EXPECT_EQ(read("models/car.glb"), "keep");
 }
 
 }  // namespace
