@@ -65,10 +65,12 @@ OptionFiles find_option_files(const Chain& chain) {
   return files;
 }
 
-// Files that other files belong to, which may change while these stay.
+// Files that other files belong to, such as textures, which may change while these stay.
 bool has_parts(const std::string& source) {
   const std::string extension = fs::path(source).extension().string();
-  return extension == ".gltf" || extension == ".json" || is_proxy(source);
+  if (extension == ".gltf" || extension == ".json" || is_proxy(source)) return true;
+  const char* word = extension == ".obj" ? "mtllib" : extension == ".ply" ? "TextureFile" : nullptr;
+  return word != nullptr && read_input(source).view().find(word) != std::string_view::npos;
 }
 
 void make_folder_of(const std::string& path) {

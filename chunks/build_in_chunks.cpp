@@ -170,6 +170,28 @@ PairPart build_cell(const Device& device, const ScanSurvey& survey, const ChunkJ
                     (std::filesystem::path(folder.name) / name).string(), rbvh, cell);
 }
 
+/// Builds the cells that are not yet; each goes to the journal when it is written.
+void build_cells(const Device& device, const ScanSurvey& survey, const BuildConfig& config,
+                 const ChunkConfig& chunks, const ChunkFolder& folder, ChunkJournal& journal,
+                 const Progress& progress) {
+  const SpaceGrid grid = place_grid(survey.box);
+  const CellPlan plan{journal.cells, cells_of_boxes(journal.cells), journal.margin};
+  for (std::size_t i = journal.parts.size(); i < plan.cells.size(); ++i) {
+    const std::uint64_t primitives = journal.counts[i].own + journal.counts[i].near;
+    if (chunks.chunks == 0)
+      check_budget(chunks.memory, chunk_memory(survey.ply, config, primitives) * 4 / 5, survey.ply.path,
+                   "building chunk " + std::to_string(i + 1) + " of " + std::to_string(plan.cells.size()));
+    if (!(journal.counts[i].area > 0))
+      throw Error(ErrorKind::kInput, survey.ply.path,
+                  "the primitives of chunk " + std::to_string(i + 1) + " have no area; ingest it first");
+    report(progress, "chunks", static_cast<double>(i) / static_cast<double>(plan.cells.size()));
+    journal.parts.push_back(build_cell(device, survey, journal, plan, grid, folder, i, config, {}));
+    malloc_trim(0);
+    write_journal(folder.path, journal);
+    std::filesystem::remove(cell_path(folder.path, i));
+  }
+}
+
 /// What all parts are together.
 PartsTable table_of(const ScanSurvey& survey, const ChunkJournal& journal, const BuildConfig& config) {
   PartsTable table;
@@ -279,21 +301,11 @@ ChunkReport build_in_chunks(const Device& device, const ScanSurvey& survey, cons
     }
   }
   const std::size_t resumed = journal->parts.size();
-  const SpaceGrid grid = place_grid(survey.box);
-  const CellPlan plan{journal->cells, cells_of_boxes(journal->cells), journal->margin};
-  for (std::size_t i = resumed; i < plan.cells.size(); ++i) {
-    const std::uint64_t primitives = journal->counts[i].own + journal->counts[i].near;
-    if (chunks.chunks == 0)
-      check_budget(chunks.memory, chunk_memory(ply, config, primitives) * 4 / 5, ply.path,
-                   "building chunk " + std::to_string(i + 1) + " of " + std::to_string(plan.cells.size()));
-    if (!(journal->counts[i].area > 0))
-      throw Error(ErrorKind::kInput, ply.path,
-                  "the primitives of chunk " + std::to_string(i + 1) + " have no area; ingest it first");
-    report(progress, "chunks", static_cast<double>(i) / static_cast<double>(plan.cells.size()));
-    journal->parts.push_back(build_cell(device, survey, *journal, plan, grid, folder, i, config, {}));
-    malloc_trim(0);
-    write_journal(folder.path, *journal);
-    std::filesystem::remove(cell_path(folder.path, i));
+  try {
+    build_cells(device, survey, config, chunks, folder, *journal, progress);
+  } catch (const Error& error) {  // of a scan that cannot be built at all, there is nothing to go on from
+    if (error.kind() == ErrorKind::kInput && journal->parts.empty()) discard_folder(folder);
+    throw;
   }
   report(progress, "chunks", 1);
   const PartsTable table = table_of(survey, *journal, config);

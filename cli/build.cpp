@@ -79,8 +79,24 @@ auto with_file(const std::string& file, Work&& work) {
   try {
     return work();
   } catch (const Error& error) {
+    if (!error.file().empty()) throw;
     throw Error(error.kind(), input_name(file), error.what(), error.remedy());
   }
+}
+
+/// Levels that missed their errors; and a pair that is larger than its scan is rarely what was wanted.
+template <class Levels>
+void say_shortcomings(Context& context, const std::string& file, const Levels& levels,
+                      std::uint64_t pair_bytes, std::uint64_t scan_bytes) {
+  if (const std::string missed = missed_errors(levels); !missed.empty())
+    note(context,
+         "rbvh build: farther from the scan than asked for, rms of sampled points over the diagonal: " +
+             missed);
+  if (pair_bytes > scan_bytes)
+    note(context, "rbvh build: " + context.output + " is " +
+                      larger_than_text(pair_bytes, scan_bytes, input_name(file)) + "; build " +
+                      (levels.size() > 1 ? "fewer or coarser levels" : "a coarser level") +
+                      " (--levels Q4, or --error)");
 }
 
 /// A scan that is larger than memory.
@@ -98,17 +114,19 @@ void run_in_chunks(Context& context, const BuildOptions& options, BuildConfig co
   time_phase(context, "survey");
   const Device device = opening.get();
   report_device(context, device);
-  const ChunkReport done = build_in_chunks(device, survey, context.output, config,
-                                           {.memory = context.memory,
-                                            .chunks = options.chunks,
-                                            .resume = options.resume,
-                                            .overwrite = context.force},
-                                           context.progress.callback());
+  const ChunkConfig chunks{.memory = context.memory,
+                           .chunks = options.chunks,
+                           .resume = options.resume,
+                           .overwrite = context.force};
+  const ChunkReport done = with_file(options.file, [&] {
+    return build_in_chunks(device, survey, context.output, config, chunks, context.progress.callback());
+  });
   time_phase(context, "build");
   context.report.update(chunks_json(done));
   note(context, "rbvh build: wrote " + context.output + " (" + counted(done.levels.size(), "level") + " in " +
                     counted(done.chunks, "part") + ", " + format_bytes(done.bytes) +
                     (done.resumed > 0 ? ", " + counted(done.resumed, "part") + " found built)" : ")"));
+  say_shortcomings(context, options.file, done.levels, done.bytes, done.scan_bytes);
 }
 
 void run_build(Context& context, const BuildOptions& options) {
@@ -170,19 +188,10 @@ void run_build(Context& context, const BuildOptions& options) {
   report["timings"].update(timings_json(timings));
   report["counts"] = {{"vertices", scan.positions.size()}, {"triangles", scan.triangles.size()}};
   report["levels"] = levels_json(rbvh, timings);
-  if (const std::string missed = missed_errors(rbvh); !missed.empty())
-    note(context,
-         "rbvh build: farther from the scan than asked for, rms of sampled points over the diagonal: " +
-             missed);
   const std::uint64_t pair_bytes = bytes.hierarchy + bytes.atlas;
   report["bytes"]["scan"] = source.bytes;
   report["bytes"]["pair_to_scan"] = static_cast<double>(pair_bytes) / static_cast<double>(source.bytes);
-  // A pair that is larger than its scan is rarely what was wanted.
-  if (pair_bytes > source.bytes)
-    note(context, "rbvh build: " + context.output + " is " +
-                      larger_than_text(pair_bytes, source.bytes, input_name(options.file)) + "; build " +
-                      (rbvh.levels.size() > 1 ? "fewer or coarser levels" : "a coarser level") +
-                      " (--levels Q4, or --error)");
+  say_shortcomings(context, options.file, rbvh.levels, pair_bytes, source.bytes);
 }
 
 }  // namespace

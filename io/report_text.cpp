@@ -2,10 +2,12 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "io/report_json.h"
 #include "pipeline/base/text.h"
+#include "pipeline/rbvh/texture_layer.h"
 #include "pipeline/trace/exact_words.h"
 
 namespace rbvh {
@@ -99,18 +101,20 @@ std::string file_line(const Json& json) {
   return json["file"].get<std::string>() + ": whole (" + text + ")\n";
 }
 
-std::string missed_errors(const Rbvh& rbvh) {
-  std::string missed;
-  for (const Level& level : rbvh.levels)
-    if (level.reached > level.error)
-      missed += fmt::format("{}{} {:.2g} (asked for: {:.2g})", missed.empty() ? "" : ", ", level.name,
-                            level.reached, level.error);
-  return missed;
+std::string missed_error(const std::string& level, float asked, float reached) {
+  return fmt::format("{} {:.2g} (asked for: {:.2g})", level, reached, asked);
 }
 
 std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const std::string& other) {
   return fmt::format("{:.2f} times as large as {} ({})",
                      static_cast<double>(bytes) / static_cast<double>(others), other, format_bytes(others));
+}
+
+std::string lost_textures(const Rbvh& rbvh, const std::string& beginning) {
+  const bool has_any = std::any_of(rbvh.levels.begin(), rbvh.levels.end(),
+                                   [](const Level& level) { return texture_layer(level) != nullptr; });
+  if (!has_any) return {};
+  return beginning + " the levels' textures: vertices have their mean colours";
 }
 
 std::string joined_tiles_text(const LevelMeshCounts& counts) {

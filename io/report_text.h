@@ -29,12 +29,26 @@ std::string fidelity_table(const nlohmann::ordered_json& levels);
 /// Of proxy_measure_json(): a line each way.
 std::string distance_text(const nlohmann::ordered_json& distance);
 
-/// "Q3 2.1e-4 (asked for: 1e-4)", of the levels that missed the error that they were built for; levels of
-/// tiles and of clouds may.
-std::string missed_errors(const Rbvh& rbvh);
+/// "Q3 2.1e-4 (asked for: 1e-4)".
+std::string missed_error(const std::string& level, float asked, float reached);
+
+/// The same of those of the levels that missed the error that they were built for, with commas between;
+/// levels of tiles and of clouds may.
+template <class Levels>
+std::string missed_errors(const Levels& levels) {
+  std::string missed;
+  for (const auto& level : levels)
+    if (level.reached > level.error)
+      missed += (missed.empty() ? "" : ", ") + missed_error(level.name, level.error, level.reached);
+  return missed;
+}
 
 /// "1.25 times as large as dragon.ply (30 MB)".
 std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const std::string& other);
+
+/// Of a pair whose levels have textures: "a mesh does not hold the levels' textures ..." of that beginning;
+/// empty of any other.
+std::string lost_textures(const Rbvh& rbvh, const std::string& beginning);
 
 /// What became of a level's tiles; empty where it has none.
 std::string joined_tiles_text(const LevelMeshCounts& counts);

@@ -132,6 +132,17 @@ TEST_F(Batch, NoTwoOutputsAreOneFile) {
   bad("batch scans -o scans --chain quick.json -f", 2, "a.ply, which is the scan");
 }
 
+TEST_F(Batch, TexturedScansAreReadAgain) {  // their images may have changed
+  std::filesystem::create_directory(path("textured"));
+  const std::string tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  write("textured/a.obj", "mtllib a.mtl\n" + tetrahedron);
+  write("textured/b.obj", tetrahedron);
+  write("ingest.json", R"({"steps": [{"stage": "ingest"}]})");
+  EXPECT_EQ(run("textured -o out --chain ingest.json"), 0);
+  EXPECT_EQ(run("textured -o out --chain ingest.json"), 0);
+  EXPECT_EQ(counts(), "1 1 0");
+}
+
 TEST_F(Batch, FilesThatOptionsNameAreWatched) {
   write("sky.json", R"({"cameras": [{"azimuth_angle": 10}]})");
   write("picture.json", R"({"steps": [{"stage": "render", "options": ["--cameras=sky.json", "--quick",

@@ -105,6 +105,10 @@ TEST_F(ChunksToolTest, RefusesInOneLine) {
   wrong.replace(wrong.size() - 8, 4, "\xff\xff\xff\x7f");
   std::ofstream(path("wrong.ply"), std::ios::binary) << wrong;
   bad("build wrong.ply --chunks 2 -o a.rbvh", 3, "is out of range");
+  Scan huge = sphere;
+  for (Vec3f& p : huge.positions) p = p * 1e25f;
+  write_ply(path("huge.ply"), huge, true);
+  bad("build huge.ply --chunks 2 -o a.rbvh", 3, "huge.ply: the scan's area");
   std::string textured = bytes;
   textured.insert(textured.find("element vertex"), "comment TextureFile a.png\n");
   std::ofstream(path("textured.ply"), std::ios::binary) << textured;

@@ -127,6 +127,12 @@ TEST_F(LevelErrors, ALevelThatMissesItsErrorIsNamed) {
   ASSERT_EQ(run.code, 0) << run.err;
   EXPECT_NE(run.err.find("farther from the scan than asked for"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("Q4 0.0"), std::string::npos) << run.err;
+  good("ingest rough.ply -o whole.ply");
+  const ToolRun parts =
+      tool("build whole.ply -o parts.rbvh --levels Q4 --hybrid off --chunks 2 --progress none");
+  ASSERT_EQ(parts.code, 0) << parts.err;
+  EXPECT_NE(parts.err.find("farther from the scan than asked for"), std::string::npos) << parts.err;
+  EXPECT_NE(parts.err.find("Q4 0.0"), std::string::npos) << parts.err;
   const Json level = info("rough.rbvh")["levels"][0];
   EXPECT_GT(level["reached"]["error"], level["error"]);
   EXPECT_TRUE(level["reached"]["max"].is_null());

@@ -153,6 +153,12 @@ TEST_F(Textured, APairShowsWhatTheScanShows) {
 TEST_F(Textured, DerivedLevelsCarryThem) {
   good("build ball.obj --levels Q1 -o ball.rbvh");
   good("lod ball.rbvh --levels Q3 -o derived.rbvh");
+  for (const char* words :
+       {"mesh ball.rbvh -o m.ply", "tiles ball.rbvh -o tiles", "view ball.rbvh -o v.html"}) {
+    const ToolRun run = tool(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_NE(run.err.find("the levels' textures"), std::string::npos) << words << ": " << run.err;
+  }
   const Picture exact = picture("ball.obj"), derived = picture("derived.rbvh");
   double sum = 0;
   for (std::size_t i = 0; i < exact.pixels.size(); ++i)
