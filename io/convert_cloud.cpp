@@ -63,14 +63,15 @@ struct Child {
     return failed;
   }
 
-  /// Appends what there is; false at the end.
-  static bool read_some(int& end, std::string& to) {
+  /// Appends what there is; closes the channel at its end.
+  static void read_some(int& end, std::string& to) {
     std::array<char, 1 << 16> bytes;
     const ssize_t count = read(end, bytes.data(), bytes.size());
-    if (count < 0 && errno == EINTR) return true;
-    if (count > 0) to.append(bytes.data(), static_cast<std::size_t>(count));
-    if (count <= 0) Channel::close_end(end);
-    return count > 0;
+    if (count < 0 && errno == EINTR) return;
+    if (count > 0)
+      to.append(bytes.data(), static_cast<std::size_t>(count));
+    else
+      Channel::close_end(end);
   }
 
   /// Writes and reads as the child wants, until it has ended its output. False: that is over `most` bytes.

@@ -95,12 +95,12 @@ void splats_to_discs(RawScan& cloud, const std::string& file) {
     keep[i] = 1;
     ++kept;
   }
-  if (kept == 0) throw Error(ErrorKind::kInput, file, "has Gaussian splats, none of which is opaque");
+  if (kept == 0) throw Error(ErrorKind::kInput, file, "has Gaussian splats, all of them below half opacity");
   std::erase_if(cloud.properties, [](const ScalarProperty& p) { return is_of_splats(p.name); });
   keep_vertex_entries(cloud, keep);
   if (!cloud.object_ids.empty()) keep_entries(cloud.object_ids, keep);
   std::string note = "Gaussian splats become discs; " + std::to_string(faint) + " of " +
-                     std::to_string(count) + " are more transparent than opaque, and are left out";
+                     std::to_string(count) + " are below half opacity, and are left out";
   if (const std::size_t broken = count - kept - faint; broken > 0)
     note += "; " + counted(broken, "splat") + " without a size or a direction, too";
   cloud.notes.push_back(note);

@@ -73,7 +73,7 @@ TEST(Splats, BecomeDiscs) {
   EXPECT_NEAR(scan.normals[1].x, -1, 1e-6) << "away from the middle";
   EXPECT_NEAR(scan.normals[2].y, 1, 1e-6);
   ASSERT_EQ(scan.notes.size(), 1u);
-  EXPECT_NE(scan.notes[0].find("1 of 5 are more transparent"), std::string::npos) << scan.notes[0];
+  EXPECT_NE(scan.notes[0].find("1 of 5 are below half opacity"), std::string::npos) << scan.notes[0];
   EXPECT_NE(scan.notes[0].find("1 splat without"), std::string::npos) << scan.notes[0];
 }
 
