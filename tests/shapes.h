@@ -9,20 +9,27 @@
 
 namespace rbvh {
 
-/// Two triangles a cell over a grid of n x n cells; `place` maps (s, t) in [0,1]^2 to a point. Appended.
-inline void add_sheet(Scan& scan, int n, const std::function<Vec3f(float s, float t)>& place) {
+/// Two triangles a cell over a grid of columns x rows cells; `place` maps (s, t) in [0,1]^2 to a point.
+/// Appended.
+inline void add_sheet(Scan& scan, int columns, int rows,
+                      const std::function<Vec3f(float s, float t)>& place) {
   const auto first = static_cast<std::uint32_t>(scan.positions.size());
-  const auto side = static_cast<std::uint32_t>(n) + 1;
-  for (std::uint32_t j = 0; j < side; ++j)
-    for (std::uint32_t i = 0; i < side; ++i)
-      scan.positions.push_back(place(static_cast<float>(i) / static_cast<float>(n),
-                                     static_cast<float>(j) / static_cast<float>(n)));
-  for (std::uint32_t j = 0; j + 1 < side; ++j)
+  const auto side = static_cast<std::uint32_t>(columns) + 1;
+  for (int j = 0; j <= rows; ++j)
+    for (int i = 0; i <= columns; ++i)
+      scan.positions.push_back(place(static_cast<float>(i) / static_cast<float>(columns),
+                                     static_cast<float>(j) / static_cast<float>(rows)));
+  for (std::uint32_t j = 0; j < static_cast<std::uint32_t>(rows); ++j)
     for (std::uint32_t i = 0; i + 1 < side; ++i) {
       const std::uint32_t a = first + j * side + i;
       scan.triangles.push_back({a, a + 1, a + side});
       scan.triangles.push_back({a + 1, a + side + 1, a + side});
     }
+}
+
+/// The same of n x n cells.
+inline void add_sheet(Scan& scan, int n, const std::function<Vec3f(float s, float t)>& place) {
+  add_sheet(scan, n, n, place);
 }
 
 /// A horizontal square of side 1 at height z, centred on the z axis, facing up (or down).

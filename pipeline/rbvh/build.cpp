@@ -215,6 +215,27 @@ void build_levels_of_tiles(TileSource& source, const Scan& scan, std::span<const
   }
 }
 
+/// Makes levels of tiles that miss their errors anew, of primitives, where these are nearer to the scan.
+void replace_missed_tiles(const Device& device, const Scan& scan, std::vector<LevelRule> rules,
+                          const ScanPart& part, std::vector<Level>& levels, BuildTimings& time) {
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    LevelRule& rule = rules[i];
+    const LevelFacts facts{.is_cloud = scan.is_cloud(), .error = rule.config->focus ? 0 : rule.level.error};
+    rule.holds_primitives =
+        !rule.holds_primitives && gives_up_tiles(rule.config->hybrid, facts, levels[i].reached);
+  }
+  if (std::none_of(rules.begin(), rules.end(), [](const LevelRule& rule) { return rule.holds_primitives; }))
+    return;
+  std::vector<Level> anew(rules.size());
+  const std::vector<BuildTimings::PerLevel> before = time.levels;
+  build_levels_of_primitives(device, scan, rules, part, anew, time);
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    if (!rules[i].holds_primitives) continue;
+    time.levels[i].seconds += before[i].seconds;
+    if (anew[i].reached < levels[i].reached) levels[i] = std::move(anew[i]);
+  }
+}
+
 /// `scan`: the part's own.
 Rbvh build_levels(const Device& device, const Scan& scan, const ScanPart& part, BuildPlan& plan,
                   const Progress& progress, BuildTimings& time) {
@@ -235,6 +256,8 @@ Rbvh build_levels(const Device& device, const Scan& scan, const ScanPart& part, 
   time.pack += host_time.pack;
   for (std::size_t i = 0; i < rules.size(); ++i)
     if (rules[i].holds_primitives) time.levels[i] = host_time.levels[i];
+  plan.tiles.reset();
+  replace_missed_tiles(device, scan, rules, part, rbvh.levels, time);
   report(progress, "tiles", 1);
   rbvh.source.vertices = part.vertices;
   rbvh.source.triangles = part.triangles;

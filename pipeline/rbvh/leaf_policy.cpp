@@ -68,6 +68,10 @@ bool holds_primitives(Hybrid hybrid, const LevelFacts& level) {
          level.rho > kTexelsPerSimplified * static_cast<float>(level.primitives);
 }
 
+bool gives_up_tiles(Hybrid hybrid, const LevelFacts& level, float reached) {
+  return hybrid == Hybrid::kAuto && !level.is_cloud && level.error > 0 && reached > level.error;
+}
+
 float cloud_rho(float rho, std::uint32_t points) {
   const float most = kTexelsPerPoint * static_cast<float>(points);
   return std::min(rho * std::min(1.0f, most / standard_levels().front().rho), most);

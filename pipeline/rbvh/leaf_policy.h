@@ -58,6 +58,10 @@ struct LevelFacts {
 /// bytes (docs/benchmarks.md).
 bool holds_primitives(Hybrid hybrid, const LevelFacts& level);
 
+/// Whether a level of tiles that came to this error (of the diagonal) is to be one of primitives, as tiles of
+/// its density do not hold what the scan has.
+bool gives_up_tiles(Hybrid hybrid, const LevelFacts& level, float reached);
+
 /// No leaf that holds primitives has more.
 inline constexpr std::uint32_t kMostLeafPrimitives = 64;
 

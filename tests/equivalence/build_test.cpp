@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
+#include <random>
 
 #include "pipeline/base/error.h"
 #include "pipeline/device/device.h"
@@ -57,6 +59,32 @@ TEST(Build, LevelsShrinkAndTheConeIsNarrower) {
   }
   const Rbvh cone = build(scan, by_density({standard_levels()[4]}), Refinement::kConeOfNormals);
   EXPECT_NE(cone.levels[0].leaves.size(), rbvh.levels[4].leaves.size());
+}
+
+TEST(Build, WhereTilesMissTheErrorTrianglesKeepIt) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(seed);
+  // Texels are as wide as three triangles.
+  const LevelConfig level{"Q", 65e3f, 0.85f, 45, 1.6e-5f};
+  for (const float roughness : {0.0f, 2e-5f, 1e-4f}) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<float> height(-roughness, roughness);
+    Scan scan;
+    add_sheet(scan, 2400, 120, [&](float s, float t) {
+      return Vec3f{s, 0.05f * t, 0.01f * std::sin(9 * s) + height(random)};
+    });
+    const auto built = [&](Hybrid hybrid) {
+      return build(scan, {level}, Refinement::kProjectedArea, hybrid).levels[0];
+    };
+    const Level own = built(Hybrid::kAuto);
+    EXPECT_GT(own.reached, 0) << roughness;
+    EXPECT_LE(own.reached, level.error) << roughness;
+    const bool is_of_tiles = own.primitive_leaves.size() < own.leaves.size();
+    EXPECT_EQ(is_of_tiles, roughness < 1e-4f) << roughness;
+    if (!is_of_tiles) {
+      EXPECT_GT(built(Hybrid::kOff).reached, level.error) << "where only tiles are wanted, they stay";
+    }
+  }
 }
 
 TEST(Build, NeedlesAndCrumbsAreEnough) {

@@ -93,6 +93,15 @@ TEST(LeafPolicy, NodesThatSpanTooDifferentDensitiesAreSplit) {
   EXPECT_TRUE(splits(kNode, quality));
 }
 
+TEST(LeafPolicy, TilesOfAMeshThatMissTheErrorGiveWay) {
+  const LevelFacts level{.error = 1e-5f};
+  EXPECT_TRUE(gives_up_tiles(Hybrid::kAuto, level, 1.1e-5f));
+  EXPECT_FALSE(gives_up_tiles(Hybrid::kAuto, level, 1e-5f));
+  EXPECT_FALSE(gives_up_tiles(Hybrid::kOff, level, 1));
+  EXPECT_FALSE(gives_up_tiles(Hybrid::kAuto, {.is_cloud = true, .error = 1e-5f}, 1)) << "its noise counts";
+  EXPECT_FALSE(gives_up_tiles(Hybrid::kAuto, {.error = 0}, 1)) << "the density alone decides";
+}
+
 TEST(LeafPolicy, CloudsHaveNoMoreTexelsThanTheirPointsAreWorth) {
   EXPECT_FLOAT_EQ(cloud_rho(2e6f, 10000000), 2e6f);
   EXPECT_FLOAT_EQ(cloud_rho(2e6f, 1000), 1450);
