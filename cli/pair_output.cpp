@@ -14,7 +14,7 @@ void check_pair_output(const Context& context) {
 }
 
 RbvhBytes write_pair(Context& context, const std::string& output, const Rbvh& rbvh, const std::string& what) {
-  const RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
+  RbvhBytes bytes = write_rbvh(output, rbvh, context.force);
   time_phase(context, "write");
   report_pair(context, output, bytes, what);
   return bytes;

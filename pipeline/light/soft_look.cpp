@@ -35,7 +35,7 @@ struct Lighting {
   Vec3f normal{};
 };
 
-/// The two rays that leave a hit.
+/// The two rays that leave each hit of a band.
 struct LightRays {
   std::vector<Ray> rays;              // to the key light, then to all around
   std::vector<std::uint32_t> pixels;  // twice
@@ -50,8 +50,10 @@ Vec3f towards(Vec3f axis, float radius, float u, float v) {
 
 Ray unused_ray() { return {{0, 0, 0}, 0, {0, 0, 1}, -1}; }
 
-void add_light_rays(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface,
-                    const SoftLook& look, int sample, std::vector<Lighting>& lighting, LightRays& out) {
+/// `hits` and `surface` are of the band that begins at `first`, a pixel.
+void add_light_rays(const CameraRays& rays, std::span<const Hit> hits, std::size_t first,
+                    const SurfaceSamples& surface, const SoftLook& look, int sample,
+                    std::vector<Lighting>& lighting, LightRays& out) {
   const Vec3f key = to_key_light(rays);
   PathConfig config;
   config.offset = look.offset;
@@ -62,7 +64,7 @@ void add_light_rays(const CameraRays& rays, std::span<const Hit> hits, const Sur
       Ray& to_key = out.rays[2 * i];
       Ray& to_sky = out.rays[2 * i + 1];
       to_key = to_sky = unused_ray();
-      const auto pixel = static_cast<std::uint32_t>(i);
+      const auto pixel = static_cast<std::uint32_t>(first + i);
       out.pixels[2 * i] = pixel;
       out.pixels[2 * i + 1] = pixel | (1u << 31);
       if (hits[i].leaf == RBVH_NO_LEAF) continue;
@@ -73,7 +75,7 @@ void add_light_rays(const CameraRays& rays, std::span<const Hit> hits, const Sur
       if (dot(vertex.at.geometric, to_light) > 0) to_key = vertex.leave(to_light, false);
       to_sky = vertex.leave(rbvh::sample(Material{}, vertex.at, 0, u[2], u[3]).direction, false);
       if (look.reach > 0) to_sky.tmax = look.reach;
-      Lighting& at = lighting[i];
+      Lighting& at = lighting[pixel];
       at.count += 1;
       at.depth += hits[i].t;
       at.normal = at.normal + vertex.at.normal;
@@ -178,14 +180,19 @@ Image render_soft(const Tracer& primary, const Tracer& secondary, const Camera& 
     pixel_angle = length(array3(rays.up));
     const std::vector<Hit>& hits = seen.cast(primary, rays);
     timings.trace += watch.lap();
-    SurfaceSamples surface = primary.surface(hits, sample_spread(rays, samples));
-    if (config.colors) surface.colors = config.colors(hits);
-    add_shaded(rays, hits, surface, config.up, 1 / static_cast<float>(samples), picture, &by_key);
-    add_light_rays(rays, hits, surface, look, sample, lighting, rays_out);
-    timings.shade += watch.lap();
-    add_found(light.cast(secondary, rays_out.rays, RayQuery::kAny), rays_out, lighting);
-    timings.trace += watch.lap();
-    timings.rays += hits.size() + rays_out.rays.size();
+    timings.rays += hits.size();
+    for (const Band band : bands(config.width, config.height)) {
+      const std::size_t first = band.first * config.width;
+      const auto shown = std::span(hits).subspan(first, band.rows * config.width);
+      SurfaceSamples surface = primary.surface(shown, sample_spread(rays, samples));
+      if (config.colors) surface.colors = config.colors(shown);
+      add_shaded(rays, hits, band, surface, config.up, 1 / static_cast<float>(samples), picture, &by_key);
+      add_light_rays(rays, shown, first, surface, look, sample, lighting, rays_out);
+      timings.shade += watch.lap();
+      add_found(light.cast(secondary, rays_out.rays, RayQuery::kAny), rays_out, lighting);
+      timings.trace += watch.lap();
+      timings.rays += rays_out.rays.size();
+    }
     report(progress, "light", static_cast<double>(sample + 1) / samples);
   }
   for (Lighting& at : lighting) {

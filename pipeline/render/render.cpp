@@ -40,9 +40,12 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
     times.trace += watch.lap();
     times.rays += hits.size();
     if (is_shaded) {
-      SurfaceSamples surface = tracer.surface(hits, sample_spread(rays, samples));
-      if (config.colors) surface.colors = config.colors(hits);
-      add_shaded(rays, hits, surface, config.up, 1 / static_cast<float>(samples), picture);
+      for (const Band band : bands(config.width, config.height)) {
+        const auto shown = std::span(hits).subspan(band.first * config.width, band.rows * config.width);
+        SurfaceSamples surface = tracer.surface(shown, sample_spread(rays, samples));
+        if (config.colors) surface.colors = config.colors(shown);
+        add_shaded(rays, hits, band, surface, config.up, 1 / static_cast<float>(samples), picture);
+      }
     } else {
       picture =
           config.aov == Aov::kSteps ? steps_image(rays, cast.steps) : data_image(config.aov, rays, hits);

@@ -31,9 +31,9 @@ Vec3f mix(Vec3f a, Vec3f b, float t) { return a * (1 - t) + b * t; }
 // How far a pixel lies in a valley (positive) or on a ridge (negative): the mean of opposite pixels' 1/t
 // against its own, which is zero on any plane, in units of the slope that makes. About [-1, 1]; steps in
 // depth are cut off.
-// `halves` are 0.5 / t, 0 where nothing is hit.
-float relief(std::span<const float> halves, float t, std::size_t width, std::size_t height, std::size_t x,
-             std::size_t y, int radius, float pixel_angle) {
+// `halves` are 0.5 / t, 0 where nothing is hit, from row `first_row` on.
+float relief(std::span<const float> halves, std::size_t first_row, float t, std::size_t width,
+             std::size_t height, std::size_t x, std::size_t y, int radius, float pixel_angle) {
   if (!(t > 0)) return 0;
   const float inverse = 1 / t;
   const std::ptrdiff_t w = static_cast<std::ptrdiff_t>(width), h = static_cast<std::ptrdiff_t>(height);
@@ -45,8 +45,10 @@ float relief(std::span<const float> halves, float t, std::size_t width, std::siz
                          by = py - dy * radius;
     if (std::min(ax, bx) < 0 || std::max(ax, bx) >= w || std::min(ay, by) < 0 || std::max(ay, by) >= h)
       continue;
-    const float a = halves[static_cast<std::size_t>(ay * w + ax)],
-                b = halves[static_cast<std::size_t>(by * w + bx)];
+    const auto half = [&](std::ptrdiff_t hx, std::ptrdiff_t hy) {
+      return halves[static_cast<std::size_t>((hy - static_cast<std::ptrdiff_t>(first_row)) * w + hx)];
+    };
+    const float a = half(ax, ay), b = half(bx, by);
     if (a == 0 || b == 0) continue;
     const float bend = (a + b - inverse) * t / (pixel_angle * static_cast<float>(radius));
     sum += std::clamp(bend, -1.f, 1.f);
@@ -119,10 +121,19 @@ Vec3f to_key_light(const CameraRays& rays) {
   return normalized(forward * -0.75f + image_up * 0.5f - image_right * 0.4f);
 }
 
-void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up,
-                float weight, Image& picture, Image* by_key) {
+std::vector<Band> bands(std::size_t width, std::size_t height) {
+  constexpr std::size_t kPixels = 1 << 17;
+  const std::size_t rows = std::max<std::size_t>(kRows, kPixels / std::max<std::size_t>(1, width));
+  std::vector<Band> all;
+  for (std::size_t first = 0; first < height; first += rows)
+    all.push_back({first, std::min(rows, height - first)});
+  return all;
+}
+
+void add_shaded(const CameraRays& rays, std::span<const Hit> hits, Band band, const SurfaceSamples& surface,
+                Vec3f up, float weight, Image& picture, Image* by_key) {
   const std::size_t width = rays.width, height = rays.height;
-  RBVH_CHECK(hits.size() == width * height && surface.normals.size() == hits.size());
+  RBVH_CHECK(hits.size() == width * height && surface.normals.size() == band.rows * width);
   const Lights lights{to_key_light(rays), up};
   const float pixel_angle = length(array3(rays.up));
   int radii[std::size(kPixelsAtWhichReliefIsSought)];
@@ -130,16 +141,22 @@ void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const Surface
     radii[i] = std::max(1, static_cast<int>(std::lround(kPixelsAtWhichReliefIsSought[i] *
                                                         static_cast<float>(height) / 1024)));
 
-  std::vector<float> halves(hits.size());
-  parallel_for(hits.size(), kRows * width, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) halves[i] = is_hit(hits[i]) ? 0.5f / hits[i].t : 0;
+  const auto around = static_cast<std::size_t>(*std::max_element(std::begin(radii), std::end(radii)));
+  const std::size_t above = std::min(band.first, around), first_row = band.first - above;
+  const std::size_t last_row = std::min(height, band.first + band.rows + around);
+  std::vector<float> halves((last_row - first_row) * width);
+  parallel_for(halves.size(), kRows * width, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Hit& hit = hits[first_row * width + i];
+      halves[i] = is_hit(hit) ? 0.5f / hit.t : 0;
+    }
   });
-  parallel_for(height, kRows, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t y = begin; y < end; ++y)
+  parallel_for(band.rows, kRows, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = band.first + begin; y < band.first + end; ++y)
       for (std::size_t x = 0; x < width; ++x) {
-        const std::size_t i = y * width + x;
-        const Hit& hit = hits[i];
+        const Hit& hit = hits[y * width + x];
         if (!is_hit(hit)) continue;
+        const std::size_t i = (y - band.first) * width + x;
         const Vec3f view =
             -pixel_direction(rays, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
         const bool from_behind = dot(array3(hit.normal), view) < 0;
@@ -152,7 +169,7 @@ void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const Surface
 
         float bend = 0;
         for (const int radius : radii)
-          bend += relief(halves, hit.t, width, height, x, y, radius, pixel_angle);
+          bend += relief(halves, first_row, hit.t, width, height, x, y, radius, pixel_angle);
         bend = std::clamp(bend, -1.f, 1.f);
         const float cavity = bend > 0 ? 1 - kValley * bend : 1 - kRidge * bend;
         const Lit lit = light(albedo, normal, view, lights);
@@ -172,7 +189,7 @@ void add_shaded(const CameraRays& rays, std::span<const Hit> hits, const Surface
 
 Image shade(const CameraRays& rays, std::span<const Hit> hits, const SurfaceSamples& surface, Vec3f up) {
   Image picture = make_image(Image::Kind::kColor, rays.width, rays.height, {"R", "G", "B", "A"});
-  add_shaded(rays, hits, surface, up, 1, picture);
+  add_shaded(rays, hits, {0, rays.height}, surface, up, 1, picture);
   return picture;
 }
 

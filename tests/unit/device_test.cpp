@@ -94,6 +94,22 @@ TEST_F(DeviceTest, BuffersReadWriteFillCopyAtOffsets) {
   EXPECT_EQ(part, (std::vector<std::uint16_t>{2, 3}));
 }
 
+// On a CPU these have memory of their own (huge_pages.h), which has to outlive commands under way.
+TEST_F(DeviceTest, LargeBuffersKeepTheirBytesUntilTheLastCommandIsDone) {
+  const Device device = Device::open();
+  std::vector<std::uint32_t> values(3'000'001), read(values.size());
+  std::iota(values.begin(), values.end(), 5u);
+  for (int turn = 0; turn < 20; ++turn) {
+    Buffer<std::uint32_t> copied(device, values.size());
+    {
+      const Buffer<std::uint32_t> written(device, values);
+      copied.copy_from(written, values.size());
+    }
+    copied.read(std::span(read));
+    ASSERT_EQ(read, values);
+  }
+}
+
 TEST_F(DeviceTest, EmptyAndNullBuffers) {
   const Device device = Device::open();
   Buffer<std::uint32_t> empty(device, 0), none;
