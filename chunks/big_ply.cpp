@@ -84,7 +84,7 @@ std::optional<BigPly> open_big_ply(const std::string& path) {
                 ::close(*file);
                 delete file;
               }};
-  ply.bytes = static_cast<std::uint64_t>(status.st_size);
+  ply.bytes = ply.source_bytes = static_cast<std::uint64_t>(status.st_size);
   std::string begin(static_cast<std::size_t>(std::min<std::uint64_t>(ply.bytes, kMostHeader)), '\0');
   read_at(ply, 0, std::as_writable_bytes(std::span(begin)));
   if (!is_ply(begin)) return std::nullopt;

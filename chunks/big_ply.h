@@ -34,11 +34,14 @@ struct BigPly {
   std::string path;
   std::shared_ptr<const int> file;  ///< its descriptor
   std::uint64_t bytes = 0;
+  std::uint64_t source_bytes = 0;            ///< of the files that it was gathered from, else the same
+  std::optional<std::uint64_t> source_hash;  ///< of these
   ply::Header header;
   PlyBlock vertices, faces;  ///< no faces: a cloud
   PlyField position[3];
   bool has_normals = false, has_radii = false;
-  PlyField length, corners;           ///< of a face: its number of corners, and the first of these
+  bool corners_apart = false;  ///< of a mesh: no triangles share vertices, which lie at one place instead
+  PlyField length, corners;    ///< of a face: its number of corners, and the first of these
   std::optional<PlyField> object_id;  ///< of a face
 
   bool is_cloud() const { return faces.count == 0; }

@@ -12,7 +12,9 @@
 #include "chunks/chunk_journal.h"
 #include "chunks/load_cell.h"
 #include "io/hash.h"
+#include "io/input_file.h"
 #include "io/load_asset.h"
+#include "io/load_source.h"
 #include "io/output_file.h"
 #include "io/parts_file.h"
 #include "pipeline/base/error.h"
@@ -35,6 +37,8 @@ constexpr double kWhole = 1.8, kUneven = 2.5;
 constexpr std::uint32_t kMostChunks = 256;  // each has a file open while the scan is sorted
 /// Of the scan's primitives, bytes of the result, at most, as measured.
 constexpr std::uint64_t kResultBytesPerPrimitive = 12;
+/// What gathering a scan takes on the disk: its vertices, then the scan; those of a cloud in cells as well.
+constexpr std::uint64_t kGatherBytesPerVertex = 48 + 31 + 26, kGatherBytesPerFace = 16 + 17;
 /// Tiles go on over what is not farther than so many of their texels.
 constexpr float kMarginTexels = 4;
 
@@ -162,7 +166,7 @@ PairPart build_cell(const Device& device, const ScanSurvey& survey, const ChunkJ
   }
   Rbvh rbvh = build_part(device, std::move(cell.scan), cell.part, config, progress);
   rbvh.source.name = std::filesystem::path(survey.ply.path).filename().string();
-  rbvh.source.hash = survey.hash;
+  rbvh.source.hash = survey.source_hash;
   if (!survey.ply.header.units.empty()) rbvh.source.units = survey.ply.header.units;
   rbvh.build_options = build_options_json(config);
   const std::string name = part_name(number);
@@ -196,7 +200,7 @@ void build_cells(const Device& device, const ScanSurvey& survey, const BuildConf
 PartsTable table_of(const ScanSurvey& survey, const ChunkJournal& journal, const BuildConfig& config) {
   PartsTable table;
   table.source = {.name = std::filesystem::path(survey.ply.path).filename().string(),
-                  .hash = survey.hash,
+                  .hash = survey.source_hash,
                   .vertices = survey.ply.vertices.count,
                   .triangles = survey.ply.faces.count,
                   .area = journal.area,
@@ -223,9 +227,10 @@ ChunkReport report_of(const ScanSurvey& survey, const PartsTable& table, std::si
                      .resumed = static_cast<std::uint32_t>(resumed),
                      .vertices = table.source.vertices,
                      .triangles = table.source.triangles,
-                     .scan_bytes = survey.ply.bytes,
+                     .scan_bytes = survey.ply.source_bytes,
                      .bytes = 0,
-                     .levels = {}};
+                     .levels = {},
+                     .notes = {}};
   for (const PairPart& part : table.parts) report.bytes += part.bytes;
   for (std::size_t i = 0; i < table.levels.size(); ++i) {
     const PartsTable::Level& level = table.levels[i];
@@ -262,13 +267,64 @@ std::optional<ChunkJournal> find_journal(const ChunkFolder& folder, std::uint64_
   return journal;
 }
 
+bool fits_memory(std::uint64_t bytes, std::uint64_t vertices, std::uint64_t primitives,
+                 const BuildConfig& config, const MemoryBudget& memory) {
+  const std::uint64_t limit = memory_limit(memory);
+  const auto whole = static_cast<double>(build_memory(vertices, primitives, config));
+  return bytes * 3 <= limit &&
+         static_cast<double>(kProcessBytes) + kWhole * whole <= static_cast<double>(limit);
+}
+
 }  // namespace
 
-bool fits_memory(const BigPly& ply, const BuildConfig& config, const MemoryBudget& memory) {
-  const std::uint64_t limit = memory_limit(memory);
-  const auto whole = static_cast<double>(build_memory(ply.vertices.count, ply.primitives(), config));
-  return ply.bytes * 3 <= limit &&
-         static_cast<double>(kProcessBytes) + kWhole * whole <= static_cast<double>(limit);
+bool fits_memory(const std::vector<std::string>& inputs, const BuildConfig& config,
+                 const MemoryBudget& memory) {
+  ScanSize all;
+  for (const std::string& input : inputs) {
+    const ScanSize size = estimate_size(input);
+    all.bytes += size.bytes;
+    all.vertices += size.vertices;
+    all.primitives += size.primitives;
+  }
+  return fits_memory(all.bytes, all.vertices, all.primitives, config, memory);
+}
+
+ChunkSource open_chunk_source(const std::vector<std::string>& inputs, const std::string& output,
+                              const ChunkConfig& chunks, const Progress& progress) {
+  if (inputs.size() == 1)
+    if (std::optional<BigPly> ply = open_big_ply(inputs[0]); ply && is_gathered(*ply))
+      return {std::move(*ply), {}, {}};
+  check_chunk_output(output, chunks.overwrite);
+  ScanSize all;
+  std::string words = std::string(version()) + " " + std::to_string(chunks.chunks) + " " +
+                      std::to_string(chunks.chunks > 0 ? 0 : memory_limit(chunks.memory));
+  std::uint64_t hash = 0;
+  for (const std::string& input : inputs) {
+    std::error_code code;
+    if (!std::filesystem::is_regular_file(input, code))
+      throw Error(ErrorKind::kInput, input_name(input), "is read twice in a build in chunks; name a file");
+    hash = hash_file(input);
+    words += " " + hash_digits(hash);
+    const ScanSize size = estimate_size(input);
+    all.bytes += size.bytes;
+    all.vertices += size.vertices;
+    all.primitives += size.primitives;
+  }
+  const std::uint64_t key = hash_bytes(words);
+  ChunkSource source;
+  source.folder = {new ChunkFolder(open_chunk_folder(output, key)), [](ChunkFolder* folder) {
+                     discard_folder(*folder);
+                     delete folder;
+                   }};
+  if (!chunks.resume) empty_folder(*source.folder);
+  check_room(*source.folder, all.vertices * kGatherBytesPerVertex + all.primitives * kGatherBytesPerFace,
+             joined_name(inputs));
+  GatheredScan gathered = gather_scan(inputs, source.folder->path, chunks, progress);
+  source.ply = std::move(gathered.ply);
+  source.notes = std::move(gathered.notes);
+  source.ply.source_bytes = all.bytes;
+  source.ply.source_hash = inputs.size() == 1 ? hash : key;
+  return source;
 }
 
 void check_chunk_output(const std::string& output, bool overwrite) {
@@ -314,13 +370,14 @@ ChunkReport build_in_chunks(const Device& device, const ScanSurvey& survey, cons
   return report_of(survey, table, resumed);
 }
 
-ChunkReport build_in_chunks(const Device& device, const std::string& scan, const std::string& output,
-                            const BuildConfig& config, const ChunkConfig& chunks, const Progress& progress) {
-  const std::optional<BigPly> ply = open_big_ply(scan);
-  if (!ply)
-    throw Error(ErrorKind::kInput, scan,
-                "is no binary little-endian PLY of triangles or points; ingest it first");
-  return build_in_chunks(device, survey_scan(*ply, progress), output, config, chunks, progress);
+ChunkReport build_in_chunks(const Device& device, const std::vector<std::string>& scans,
+                            const std::string& output, const BuildConfig& config, const ChunkConfig& chunks,
+                            const Progress& progress) {
+  ChunkSource source = open_chunk_source(scans, output, chunks, progress);
+  const ScanSurvey survey = survey_scan(source.ply, progress);
+  ChunkReport report = build_in_chunks(device, survey, output, config, chunks, progress);
+  report.notes = source.notes;
+  return report;
 }
 
 }  // namespace rbvh

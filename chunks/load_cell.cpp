@@ -93,16 +93,11 @@ void append_vertices(const BigPly& ply, const NumberSet& set, std::string& bytes
   }
 }
 
-const char* name_of(ply::Type type) {
-  constexpr const char* names[] = {"char", "uchar", "short", "ushort", "int", "uint", "float", "double"};
-  return names[static_cast<int>(type)];
-}
-
 std::string header_of(const BigPly& ply, std::uint64_t vertices, std::uint64_t faces) {
   std::string text =
       "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(vertices) + "\n";
   for (const ply::Property& property : ply.header.elements[0].properties)
-    text += std::string("property ") + name_of(property.type) + " " + property.name + "\n";
+    text += std::string("property ") + ply::name_of(property.type) + " " + property.name + "\n";
   if (!ply.is_cloud())
     text += "element face " + std::to_string(faces) + "\nproperty list uchar uint vertex_indices\n" +
             (ply.object_id ? "property int object_id\n" : "");
@@ -154,6 +149,23 @@ std::vector<std::uint8_t> find_met(const LoadedCell& cell, const SpaceGrid& grid
   return stays;
 }
 
+/// Makes one vertex of those at one place, of triangles that share none. Own ones stay before the others.
+void weld(LoadedCell& cell) {
+  Scan& scan = cell.scan;
+  for (Vec3f& p : scan.positions) p = p + Vec3f{};  // -0 becomes 0
+  std::vector<std::uint32_t> vertex(scan.positions.size());
+  const std::size_t count = meshopt_generateVertexRemap(vertex.data(), nullptr, vertex.size(),
+                                                        scan.positions.data(), vertex.size(), sizeof(Vec3f));
+  std::uint32_t own = 0;
+  for (std::uint32_t v = 0; v < cell.part.own_vertices; ++v) own = std::max(own, vertex[v] + 1);
+  meshopt_remapVertexBuffer(scan.positions.data(), scan.positions.data(), vertex.size(), sizeof(Vec3f),
+                            vertex.data());
+  scan.positions.resize(count);
+  for (Triangle& triangle : scan.triangles)
+    for (std::uint32_t& corner : triangle) corner = vertex[corner];
+  cell.part.own_vertices = own;
+}
+
 Scan to_scan(RawScan&& raw, const ScanSurvey& survey) {
   Scan scan;
   scan.positions.resize(raw.positions.size());
@@ -173,6 +185,13 @@ std::uint64_t cell_memory(const BigPly& ply, std::uint64_t primitives) {
   const std::uint64_t vertices =
       primitives * ply.vertices.count / std::max<std::uint64_t>(1, ply.primitives());
   return primitives * (sizeof(CellRecord) + 17 + 16) + vertices * (2 * ply.vertices.bytes + sizeof(Vec3d));
+}
+
+std::vector<std::uint32_t> own_points(const std::string& folder, std::size_t cell) {
+  std::vector<std::uint32_t> numbers;
+  for (const CellRecord& record : read_records(cell_path(folder, cell)))
+    if (record.is_own != 0) numbers.push_back(record.corners[0]);
+  return numbers;
 }
 
 LoadedCell load_cell(const ScanSurvey& survey, const SpaceGrid& grid, const CellPlan& plan,
@@ -195,6 +214,7 @@ LoadedCell load_cell(const ScanSurvey& survey, const SpaceGrid& grid, const Cell
     }
     cell.scan = to_scan(read_ply(bytes, ply.path), survey);
   }
+  if (ply.corners_apart) weld(cell);
   cell.part.box = survey.box;
   cell.part.vertices = ply.vertices.count;
   cell.part.triangles = ply.faces.count;

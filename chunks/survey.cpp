@@ -70,6 +70,7 @@ ScanSurvey survey_scan(const BigPly& ply, const Progress& progress) {
                  });
   for_each_piece(ply, {ply.bytes - ply.faces.at, ply.faces.at, 1}, add_to_hash);
   survey.hash = hash.value();
+  survey.source_hash = ply.source_hash.value_or(survey.hash);
   survey.moved = float_shift(box);
   survey.shift = ply.header.shift + survey.moved;
   survey.box = {static_cast<Vec3f>(box.lo - survey.moved), static_cast<Vec3f>(box.hi - survey.moved)};

@@ -13,10 +13,11 @@ namespace rbvh {
 
 struct ScanSurvey {
   BigPly ply;
-  std::uint64_t hash = 0;  ///< of the file's bytes
-  Vec3d moved{};           ///< subtracted from the file's coordinates, so that floats hold them
-  Vec3d shift{};           ///< original coordinates are the floats + shift
-  Bounds3f box;            ///< of the vertices, as floats
+  std::uint64_t hash = 0;         ///< of the file's bytes
+  std::uint64_t source_hash = 0;  ///< of the files that it was gathered from, else the same
+  Vec3d moved{};                  ///< subtracted from the file's coordinates, so that floats hold them
+  Vec3d shift{};                  ///< original coordinates are the floats + shift
+  Bounds3f box;                   ///< of the vertices, as floats
 };
 
 /// Reads the file once. Throws Error(kInput) as check_buildable() and check_usable() do.

@@ -27,7 +27,8 @@ constexpr std::pair<std::string_view, LevelsBy> kLevelsBy[] = {{"error", LevelsB
                                                                {"density", LevelsBy::kDensity}};
 
 struct BuildOptions {
-  std::string file;
+  std::vector<std::string> files;
+  std::string file;  // these, as messages name them
   BuildConfig config;
   std::vector<WantedLevel> levels;  // empty: all
   std::optional<ErrorBound> error;  // of the one level
@@ -99,14 +100,22 @@ void say_shortcomings(Context& context, const std::string& file, const Levels& l
                       " (--levels Q4, or --error)");
 }
 
-/// A scan that is larger than memory.
-void run_in_chunks(Context& context, const BuildOptions& options, BuildConfig config, const BigPly& ply) {
+/// Scans that are larger than memory.
+void run_in_chunks(Context& context, const BuildOptions& options, BuildConfig config) {
   if (options.focus || options.focus_camera || options.measure || !options.layers.names.empty())
     throw Error(ErrorKind::kUsage, options.file,
                 "is built in chunks, which have no --focus, --layer or --measure; give it more --memory, or "
                 "leave these out");
+  const ChunkConfig chunks{.memory = context.memory,
+                           .chunks = options.chunks,
+                           .resume = options.resume,
+                           .overwrite = context.force};
   check_chunk_output(context.output, context.force);
   std::future<Device> opening = open_meanwhile(context.device);
+  const ChunkSource source =
+      open_chunk_source(options.files, context.output, chunks, context.progress.callback());
+  for (const std::string& line : source.notes) note(context, "rbvh build: " + line);
+  const BigPly& ply = source.ply;
   const ScanSurvey survey = survey_scan(ply, context.progress.callback());
   const ErrorScale scale{static_cast<double>(survey.box.diagonal()), ply.header.units};
   if (options.error)
@@ -114,10 +123,6 @@ void run_in_chunks(Context& context, const BuildOptions& options, BuildConfig co
   time_phase(context, "survey");
   const Device device = opening.get();
   report_device(context, device);
-  const ChunkConfig chunks{.memory = context.memory,
-                           .chunks = options.chunks,
-                           .resume = options.resume,
-                           .overwrite = context.force};
   const ChunkReport done = with_file(options.file, [&] {
     return build_in_chunks(device, survey, context.output, config, chunks, context.progress.callback());
   });
@@ -129,23 +134,22 @@ void run_in_chunks(Context& context, const BuildOptions& options, BuildConfig co
   say_shortcomings(context, options.file, done.levels, done.bytes, done.scan_bytes);
 }
 
-void run_build(Context& context, const BuildOptions& options) {
+void run_build(Context& context, const BuildOptions& given) {
+  BuildOptions options = given;
+  options.file = joined_name(options.files);
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
   config.levels = named_levels(options);
-  check_paths_differ(context, {options.file}, {context.output, atlas_path(context.output)});
+  check_paths_differ(context, options.files, {context.output, atlas_path(context.output)});
   check_pair_output(context);
-  const std::optional<BigPly> ply = open_big_ply(options.file);
-  if (ply && (options.chunks > 0 || !fits_memory(*ply, config, context.memory)))
-    return run_in_chunks(context, options, config, *ply);
-  if (options.chunks > 0)
-    throw Error(ErrorKind::kInput, options.file,
-                "--chunks is for binary little-endian PLY files of triangles or points, without textures; "
-                "ingest it first");
+  if (options.chunks > 0 || !fits_memory(options.files, config, context.memory))
+    return run_in_chunks(context, options, config);
   std::future<Device> opening = open_meanwhile(context.device);
   const std::future<void> images = load_images_meanwhile();
 
-  SourceScan source = load_source(options.file, context.memory);
+  std::vector<std::string> notes;
+  SourceScan source = load_sources(options.files, context.memory, notes);
+  for (const std::string& line : notes) note(context, "rbvh build: " + line);
   Scan& scan = source.scan;
   for (const std::string& fault : scan.texture_faults) warn(context, options.file + ": " + fault);
   check_buildable(scan, options.file);
@@ -202,7 +206,11 @@ void add_build(CLI::App& app, Context& context) {
                 {"build", "Make an .rbvh pair of an ingested scan", "rbvh build dragon.ply -o dragon.rbvh"},
                 kWithOutput | kWithDevice | kWithReport, run_build);
   BuildConfig& config = options->config;
-  stage->add_option("FILE", options->file, "the scan, as ingest writes it (-: standard input)")->required();
+  stage
+      ->add_option("FILE", options->files,
+                   "the scan, as ingest writes it (-: standard input); several are merged and cleaned as by "
+                   "ingest, each an object of its own")
+      ->required();
   add_parsed(*stage, "--levels", options->levels, parse_wanted_levels, "Q0=1e-5,Q2",
              "which levels (default: all five), each with its own error or with one that you give: rms, as a "
              "part of the diagonal, 1e-6 to 0.1");

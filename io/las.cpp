@@ -1,12 +1,12 @@
 #include "io/las.h"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
-#include <optional>
+#include <memory>
 #include <utility>
 
 #include "io/colors.h"
+#include "io/input_file.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
@@ -37,27 +37,88 @@ constexpr std::size_t kHeader = 227;       ///< bytes, of LAS 1.0 to 1.2
 constexpr std::size_t kLongHeader = 375;   ///< of LAS 1.4
 constexpr std::size_t kRecordHeader = 54;  ///< of a variable length record
 constexpr std::uint64_t kMostPoints = UINT32_MAX - 1;
+constexpr std::size_t kPiecePoints = 1 << 18;
+constexpr std::uint64_t kMostHead = std::uint64_t{1}
+                                    << 28;  ///< bytes before the first point, of a large file
 
+/// Reads a header, then points.
 class LasReader {
  public:
-  LasReader(std::string_view bytes, const std::string& file) : bytes_(bytes), file_(file) {}
-
-  RawScan read() {
+  /// `bytes`: of a file of `size`, at least those before the first point.
+  LasReader(std::string_view bytes, std::uint64_t size, const std::string& file)
+      : bytes_(bytes), size_(size), file_(file) {
     read_header();
     refuse_degrees();
     choose_count();
-    read_points();
-    finish_colors();
+  }
+
+  std::uint64_t first_point() const { return data_; }
+  std::size_t point_bytes() const { return record_; }
+  std::uint64_t points() const { return count_; }
+  /// Bytes after the last point that nothing claims.
+  std::uint64_t rest() const { return end_ - data_ - count_ * record_; }
+  bool has_colors() const { return format_.color != 0; }
+
+  std::uint16_t largest_color(std::string_view points) const {
+    std::uint16_t largest = 0;
+    for (std::size_t at = 0; at < points.size(); at += record_)
+      for (std::size_t channel = 0; channel < 3 && !is_withheld(points, at); ++channel)
+        largest = std::max(largest, load<std::uint16_t>(points, at + format_.color + 2 * channel));
+    return largest;
+  }
+
+  /// `largest`: the largest_color() of all points.
+  RawScan read_points(std::string_view points, std::uint16_t largest) {
+    RawScan scan;
+    std::vector<float> intensities, classes;
+    // Many programs write bytes into the 16-bit fields.
+    const double scale = largest <= 255 ? 1.0 : 255.0 / 65535.0;
+    for (std::size_t at = 0; at < points.size(); at += record_) {
+      if (is_withheld(points, at)) {
+        ++withheld_;
+        continue;
+      }
+      scan.positions.push_back({load<std::int32_t>(points, at) * scale_.x + offset_.x,
+                                load<std::int32_t>(points, at + 4) * scale_.y + offset_.y,
+                                load<std::int32_t>(points, at + 8) * scale_.z + offset_.z});
+      intensities.push_back(load<std::uint16_t>(points, at + 12));
+      const auto flags = load<std::uint8_t>(points, at + 15);  // and the class, in old formats
+      classes.push_back(format_.is_wide ? load<std::uint8_t>(points, at + 16)
+                        : minor_ == 0   ? flags
+                                        : static_cast<std::uint8_t>(flags & 0x1fu));
+      if (largest == 0) continue;
+      Color8& color = scan.colors.emplace_back();
+      for (std::size_t channel = 0; channel < 3; ++channel)
+        color[channel] = to_color_byte(load<std::uint16_t>(points, at + format_.color + 2 * channel) * scale);
+    }
+    scan.properties.push_back({"intensity", std::move(intensities)});
+    scan.properties.push_back({"classification", std::move(classes)});
+    return scan;
+  }
+
+  /// When all points are read. `has_rest`: a byte of rest() is not 0.
+  std::vector<std::string> finish(std::uint16_t largest, bool has_rest) {
+    if (withheld_ == count_) throw Error(ErrorKind::kInput, file_, "all its points are marked as withheld");
+    if (has_rest) notes_.push_back(std::to_string(rest()) + " bytes follow the last point and were ignored");
+    if (withheld_ > 0)
+      notes_.push_back(std::to_string(withheld_) + " points are marked as withheld and were left out");
+    if (has_colors() && largest == 0) notes_.push_back("all colours are 0 and were left out");
+    if (has_colors() && largest > 0 && largest <= 255)
+      notes_.push_back("no colour is above 255: they are taken for values of 8 bits in place of 16");
     note_lost();
-    return std::move(scan_);
+    return std::move(notes_);
   }
 
  private:
   template <class T>
-  T load(std::size_t at) const {
+  static T load(std::string_view bytes, std::size_t at) {
     T value;
-    std::memcpy(&value, bytes_.data() + at, sizeof(T));
+    std::memcpy(&value, bytes.data() + at, sizeof(T));
     return value;
+  }
+  template <class T>
+  T load(std::size_t at) const {
+    return load<T>(bytes_, at);
   }
   Vec3d load_vector(std::size_t at) const {
     return {load<double>(at), load<double>(at + 8), load<double>(at + 16)};
@@ -68,7 +129,7 @@ class LasReader {
 
   void read_header() {
     if (!is_las(bytes_)) fail(0, "does not begin with LASF");
-    if (bytes_.size() < kHeader) fail(bytes_.size(), "the file is cut inside its header");
+    if (bytes_.size() < kHeader) fail(size_, "the file is cut inside its header");
     const int major = load<std::uint8_t>(24);
     minor_ = load<std::uint8_t>(25);
     if (major != 1 || minor_ > 4)
@@ -84,7 +145,7 @@ class LasReader {
     scale_ = load_vector(131);
     offset_ = load_vector(155);
     if (header_size_ < kHeader || data_ < header_size_) fail(94, "the header's sizes contradict each other");
-    if (data_ > bytes_.size()) fail(bytes_.size(), "the file is cut before its first point");
+    if (data_ > size_) fail(size_, "the file is cut before its first point");
     if (record_ < format_.size)
       fail(105, "points of format " + std::to_string(number) + " take " + std::to_string(format_.size) +
                     " bytes, and the header says " + std::to_string(record_));
@@ -134,20 +195,20 @@ class LasReader {
   void choose_count() {
     const std::uint64_t old_count = load<std::uint32_t>(107);
     const std::uint64_t new_count = is_long() ? load<std::uint64_t>(247) : 0;
-    std::uint64_t end = bytes_.size();
+    end_ = size_;
     const auto stop_at = [&](std::uint64_t start) {
-      if (start >= data_ && start < end) end = start;
+      if (start >= data_ && start < end_) end_ = start;
     };
     const bool has_waveforms_inside = minor_ >= 3 && header_size_ >= 235 && (load<std::uint16_t>(6) & 2u);
     if (has_waveforms_inside) stop_at(load<std::uint64_t>(227));
     if (is_long() && load<std::uint32_t>(243) > 0) stop_at(load<std::uint64_t>(235));
-    const std::uint64_t room = (end - data_) / record_;
+    const std::uint64_t room = (end_ - data_) / record_;
 
     count_ = new_count ? new_count : old_count;
     if (new_count && old_count && new_count != old_count) {
       if (new_count > room && old_count <= room) count_ = old_count;
-      scan_.notes.push_back("the header has two counts of points, " + std::to_string(old_count) + " and " +
-                            std::to_string(new_count) + "; " + std::to_string(count_) + " were read");
+      notes_.push_back("the header has two counts of points, " + std::to_string(old_count) + " and " +
+                       std::to_string(new_count) + "; " + std::to_string(count_) + " were read");
     }
     if (count_ == 0)
       throw Error(ErrorKind::kInput, file_,
@@ -155,69 +216,16 @@ class LasReader {
                             : "the header says that there are no points, and there are bytes for " +
                                   std::to_string(room) + ": whoever wrote it was interrupted");
     if (count_ > room)
-      fail(bytes_.size(), "the header promises " + std::to_string(count_) +
-                              " points, but there are bytes for " + std::to_string(room) +
-                              " at most: the file is cut or its counts are wrong");
+      fail(size_, "the header promises " + std::to_string(count_) + " points, but there are bytes for " +
+                      std::to_string(room) + " at most: the file is cut or its counts are wrong");
     if (count_ > kMostPoints) fail(247, "has " + std::to_string(count_) + " points; 4294967294 is the limit");
-    const std::string_view rest = bytes_.substr(data_ + count_ * record_, end - data_ - count_ * record_);
-    if (std::any_of(rest.begin(), rest.end(), [](char c) { return c != 0; }))
-      scan_.notes.push_back(std::to_string(rest.size()) + " bytes follow the last point and were ignored");
   }
 
-  void read_points() {
-    const std::size_t count = static_cast<std::size_t>(count_);
-    scan_.positions.reserve(count);
-    std::vector<float> intensities, classes;
-    intensities.reserve(count);
-    classes.reserve(count);
-    if (format_.color) colors_.reserve(count);
-    std::size_t withheld = 0;
-    for (std::size_t i = 0, at = data_; i < count; ++i, at += record_) {
-      const auto flags = load<std::uint8_t>(at + 15);  // and the class, in old formats
-      if (flags & withheld_bit()) {
-        ++withheld;
-        continue;
-      }
-      scan_.positions.push_back({load<std::int32_t>(at) * scale_.x + offset_.x,
-                                 load<std::int32_t>(at + 4) * scale_.y + offset_.y,
-                                 load<std::int32_t>(at + 8) * scale_.z + offset_.z});
-      intensities.push_back(load<std::uint16_t>(at + 12));
-      classes.push_back(format_.is_wide ? load<std::uint8_t>(at + 16)
-                        : minor_ == 0   ? flags
-                                        : static_cast<std::uint8_t>(flags & 0x1fu));
-      if (!format_.color) continue;
-      const std::size_t color = at + format_.color;
-      colors_.push_back(
-          {load<std::uint16_t>(color), load<std::uint16_t>(color + 2), load<std::uint16_t>(color + 4)});
-    }
-    if (withheld == count) throw Error(ErrorKind::kInput, file_, "all its points are marked as withheld");
-    if (withheld > 0)
-      scan_.notes.push_back(std::to_string(withheld) + " points are marked as withheld and were left out");
-    scan_.properties.push_back({"intensity", std::move(intensities)});
-    scan_.properties.push_back({"classification", std::move(classes)});
+  bool is_withheld(std::string_view points, std::size_t at) const {
+    return (load<std::uint8_t>(points, at + 15) & withheld_bit()) != 0;
   }
-
   /// Of the byte 15. In LAS 1.0 all of it is the class.
   unsigned withheld_bit() const { return format_.is_wide ? 4u : minor_ == 0 ? 0u : 0x80u; }
-
-  /// Many programs write bytes into the 16-bit fields.
-  void finish_colors() {
-    std::uint16_t largest = 0;
-    for (const auto& color : colors_)
-      for (const std::uint16_t channel : color) largest = std::max(largest, channel);
-    if (colors_.empty()) return;
-    if (largest == 0) {
-      scan_.notes.push_back("all colours are 0 and were left out");
-      return;
-    }
-    if (largest <= 255)
-      scan_.notes.push_back("no colour is above 255: they are taken for values of 8 bits in place of 16");
-    const double scale = largest <= 255 ? 1.0 : 255.0 / 65535.0;
-    scan_.colors.reserve(colors_.size());
-    for (const auto& c : colors_)
-      scan_.colors.push_back(
-          {to_color_byte(c[0] * scale), to_color_byte(c[1] * scale), to_color_byte(c[2] * scale)});
-  }
 
   void note_lost() {
     std::string lost = "returns, scan angles, user data and source ids";
@@ -226,19 +234,59 @@ class LasReader {
     if (format_.has_waveform) lost += ", waveforms";
     if (record_ > format_.size)
       lost += ", " + std::to_string(record_ - format_.size) + " extra bytes a point";
-    scan_.notes.push_back(lost + " are not kept");
+    notes_.push_back(lost + " are not kept");
   }
 
   std::string_view bytes_;
+  std::uint64_t size_;
   const std::string& file_;
   PointFormat format_{};
   int minor_ = 0;
   std::size_t header_size_ = 0, data_ = 0, record_ = 0;
-  std::uint64_t count_ = 0;
+  std::uint64_t count_ = 0, end_ = 0, withheld_ = 0;
   Vec3d scale_, offset_;
-  std::vector<std::array<std::uint16_t, 3>> colors_;
-  RawScan scan_;
+  std::vector<std::string> notes_;
 };
+
+bool has_any(std::string_view bytes) {
+  return std::any_of(bytes.begin(), bytes.end(), [](char c) { return c != 0; });
+}
+
+/// Calls visit() with piece after piece of what follows, of whole entries, until it returns false.
+template <class Visit>
+void for_each_piece(InputStream& in, std::uint64_t entries, std::size_t bytes, const Visit& visit) {
+  std::string piece;
+  while (entries > 0) {
+    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(entries, kPiecePoints));
+    piece.resize(count * bytes);
+    if (in.read(std::as_writable_bytes(std::span(piece))) != piece.size())
+      throw Error(ErrorKind::kInput, in.name(), "the file has become shorter while it was read");
+    if (!visit(std::string_view(piece))) return;
+    entries -= count;
+  }
+}
+
+/// The bytes before the first point.
+std::string read_head(InputStream& in) {
+  std::string head(kLongHeader, '\0');
+  head.resize(in.read(std::as_writable_bytes(std::span(head))));
+  if (head.size() < kHeader) return head;
+  std::uint32_t data = 0;
+  std::memcpy(&data, head.data() + 96, sizeof data);
+  if (data <= head.size() || data > in.file_bytes().value_or(0)) return head;
+  if (data > kMostHead) throw Error(ErrorKind::kInput, in.name(), "has too many bytes before its points");
+  const std::size_t had = head.size();
+  head.resize(data);
+  in.read(std::as_writable_bytes(std::span(head).subspan(had)));
+  return head;
+}
+
+/// At the first of the points.
+std::unique_ptr<InputStream> open_points(const std::string& path, std::uint64_t first) {
+  auto in = std::make_unique<InputStream>(path);
+  for_each_piece(*in, first, 1, [](std::string_view) { return true; });
+  return in;
+}
 
 }  // namespace
 
@@ -249,6 +297,39 @@ bool is_compressed_las(std::string_view bytes) {
   return bytes.size() > kFormat && (static_cast<std::uint8_t>(bytes[kFormat]) & 0xc0u) != 0;
 }
 
-RawScan read_las(std::string_view bytes, const std::string& file) { return LasReader(bytes, file).read(); }
+RawScan read_las(std::string_view bytes, const std::string& file) {
+  LasReader reader(bytes, bytes.size(), file);
+  const auto first = static_cast<std::size_t>(reader.first_point());
+  const std::size_t size = static_cast<std::size_t>(reader.points()) * reader.point_bytes();
+  const std::string_view points = bytes.substr(first, size);
+  const std::uint16_t largest = reader.has_colors() ? reader.largest_color(points) : std::uint16_t{0};
+  RawScan scan = reader.read_points(points, largest);
+  scan.notes =
+      reader.finish(largest, has_any(bytes.substr(first + size, static_cast<std::size_t>(reader.rest()))));
+  return scan;
+}
+
+std::vector<std::string> read_las_in_pieces(const std::string& path,
+                                            const std::function<void(RawScan&& piece)>& visit) {
+  InputStream begin(path);
+  const std::string name = begin.name(), head = read_head(begin);
+  LasReader reader(head, begin.file_bytes().value_or(head.size()), name);
+  std::uint16_t largest = 0;
+  if (reader.has_colors())  // one above 255 tells what the others are
+    for_each_piece(*open_points(path, reader.first_point()), reader.points(), reader.point_bytes(),
+                   [&](std::string_view points) {
+                     largest = std::max(largest, reader.largest_color(points));
+                     return largest <= 255;
+                   });
+  const std::unique_ptr<InputStream> in = open_points(path, reader.first_point());
+  for_each_piece(*in, reader.points(), reader.point_bytes(), [&](std::string_view points) {
+    visit(reader.read_points(points, largest));
+    return true;
+  });
+  bool has_rest = false;
+  for_each_piece(*in, reader.rest(), 1,
+                 [&](std::string_view bytes) { return !(has_rest |= has_any(bytes)); });
+  return reader.finish(largest, has_rest);
+}
 
 }  // namespace rbvh

@@ -2,8 +2,10 @@
 // io/convert_cloud.h.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rbvh/scan.h"
 
@@ -20,5 +22,9 @@ bool is_compressed_las(std::string_view bytes);
 /// is above 255: then they are taken for bytes, which is noted, too. Throws Error(kInput) with the byte, also
 /// for coordinates in degrees.
 RawScan read_las(std::string_view bytes, const std::string& file);
+
+/// The same in bounded memory: `visit` gets one piece of the points after the other. Returns the notes.
+std::vector<std::string> read_las_in_pieces(const std::string& path,
+                                            const std::function<void(RawScan&& piece)>& visit);
 
 }  // namespace rbvh

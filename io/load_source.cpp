@@ -7,6 +7,7 @@
 #include "io/input_file.h"
 #include "io/polygon_obj.h"
 #include "io/proxy_file.h"
+#include "io/report_text.h"
 #include "io/scan_io.h"
 #include "io/texture_files.h"
 #include "pipeline/scan/ingest.h"
@@ -25,6 +26,32 @@ SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
   for (const Texture& texture : source.scan.textures)
     if (images.insert(texture.image.get()).second) source.bytes += texture.image->file.size();
   check_usable(source.scan, path);
+  return source;
+}
+
+std::string joined_name(const std::vector<std::string>& inputs) {
+  return inputs.size() == 1 ? input_name(inputs[0])
+                            : input_name(inputs[0]) + " and " + std::to_string(inputs.size() - 1) + " more";
+}
+
+SourceScan load_sources(const std::vector<std::string>& paths, const MemoryBudget& memory,
+                        std::vector<std::string>& notes) {
+  if (paths.size() == 1) return load_source(paths[0], memory);
+  SourceScan source;
+  source.name = source_name(joined_name(paths));
+  std::string hashes;
+  for (const std::string& path : paths) {
+    hashes += hash_digits(hash_file(path));
+    source.bytes += std::filesystem::file_size(path);
+  }
+  source.hash = hash_bytes(hashes);
+  RawScan all = read_scans(paths, memory, [&](const std::string& path, const std::string& note) {
+    notes.push_back(path + ": " + note);
+  });
+  IngestReport counts;
+  source.scan = ingest(std::move(all), joined_name(paths), {}, counts);
+  for (std::string& line : ingest_lines(joined_name(paths), counts, source.scan))
+    notes.push_back(std::move(line));
   return source;
 }
 

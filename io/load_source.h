@@ -1,8 +1,10 @@
-// Reads the scan that a pair or a proxy is made of, as its file has it: nothing is cleaned or completed.
+// Reads the scan that a pair or a proxy is made of, as its file has it: nothing is cleaned or completed,
+// but where there are several.
 #pragma once
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "pipeline/base/memory_budget.h"
 #include "pipeline/proxy/polygon_mesh.h"
@@ -19,6 +21,14 @@ struct SourceScan {
 
 /// Throws Error(kInput), also where nothing finite is left or all points are equal; Error(kBudget).
 SourceScan load_source(const std::string& path, const MemoryBudget& memory = {});
+
+/// How several inputs are named as one.
+std::string joined_name(const std::vector<std::string>& inputs);
+
+/// Several files as one scan, merged and cleaned as by an ingest of its defaults; one alone as load_source().
+/// What was left out, guessed and completed goes to `notes`. Throws as both do.
+SourceScan load_sources(const std::vector<std::string>& paths, const MemoryBudget& memory,
+                        std::vector<std::string>& notes);
 
 /// A base mesh of another program, of which a proxy is made.
 struct SourcePolygons {

@@ -17,6 +17,11 @@ constexpr std::size_t size_of(Type type) {
   constexpr std::size_t sizes[] = {1, 1, 2, 2, 4, 4, 4, 8};
   return sizes[static_cast<int>(type)];
 }
+/// As headers have it.
+constexpr const char* name_of(Type type) {
+  constexpr const char* names[] = {"char", "uchar", "short", "ushort", "int", "uint", "float", "double"};
+  return names[static_cast<int>(type)];
+}
 constexpr bool is_integer(Type type) { return type != Type::kFloat32 && type != Type::kFloat64; }
 
 struct Property {

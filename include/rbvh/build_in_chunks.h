@@ -28,17 +28,20 @@ struct ChunkReport {
     float error = 0, reached = 0;  ///< of the scan's diagonal
   };
   std::vector<Level> levels;
+  std::vector<std::string> notes;  ///< what was left out of the inputs, guessed and completed, a line each
 };
 
-/// Builds a scan that is larger than memory, chunk by chunk: a binary little-endian PLY of triangles or of
-/// points with normals and radii. The output, NAME.rbvh, is a table of parts, pairs in a folder beside it,
-/// and loads as one asset (load_asset()). It depends on the number of chunks, and on nothing else of the
-/// machine. Killed at any moment, it leaves the old output as it was. Throws Error(kUsage) for a focus,
-/// Error(kInput), Error(kBudget) where a chunk does not fit, Error(kFailure) where there is no room on the
-/// disk.
-ChunkReport build_in_chunks(const Device& device, const std::string& scan, const std::string& output,
-                            const BuildConfig& config = {}, const ChunkConfig& chunks = {},
-                            const Progress& progress = {});
+/// Builds scans that are larger than memory, chunk by chunk, several as one. A binary little-endian PLY of
+/// triangles, or of points with normals and radii, is read as it is. All else is gathered as such a file
+/// first, beside the output: several scans, each an object of its own, and LAS, STL, PLY and OBJ in bounded
+/// memory, other formats each as a whole; normals and radii of points are completed. The output, NAME.rbvh,
+/// is a table of parts, pairs in a folder beside it, and loads as one asset (load_asset()). It depends on the
+/// number of chunks, and on nothing else of the machine. Killed at any moment, it leaves the old output as it
+/// was. Throws Error(kUsage) for a focus, Error(kInput), Error(kBudget) where a chunk does not fit,
+/// Error(kFailure) where there is no room on the disk.
+ChunkReport build_in_chunks(const Device& device, const std::vector<std::string>& scans,
+                            const std::string& output, const BuildConfig& config = {},
+                            const ChunkConfig& chunks = {}, const Progress& progress = {});
 
 }  // namespace rbvh
 #pragma GCC visibility pop

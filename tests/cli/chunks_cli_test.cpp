@@ -6,8 +6,10 @@
 #include <random>
 
 #include "rbvh/io.h"
+#include "tests/las_file.h"
 #include "tests/run_tool.h"
 #include "tests/shapes.h"
+#include "tests/textured.h"
 
 namespace rbvh {
 namespace {
@@ -109,18 +111,78 @@ TEST_F(ChunksToolTest, RefusesInOneLine) {
   for (Vec3f& p : huge.positions) p = p * 1e25f;
   write_ply(path("huge.ply"), huge, true);
   bad("build huge.ply --chunks 2 -o a.rbvh", 3, "huge.ply: the scan's area");
-  std::string textured = bytes;
-  textured.insert(textured.find("element vertex"), "comment TextureFile a.png\n");
-  std::ofstream(path("textured.ply"), std::ios::binary) << textured;
-  bad("build textured.ply --chunks 2 -o a.rbvh", 3, "without textures");
-  write_glb(path("scan.glb"), sphere, {0, 1, 0}, true);
-  bad("build scan.glb --chunks 2 -o a.rbvh", 3, "--chunks is for binary little-endian PLY");
+  std::ofstream(path("ball.ply"), std::ios::binary) << TexturedBall().ply();
+  std::ofstream(path("ball.png"), std::ios::binary) << TexturedBall::png();
+  bad("build ball.ply --chunks 2 -o a.rbvh", 3, "has textures");
   bad("build scan.ply --chunks 0 -o a.rbvh", 2, "--chunks");
   bad("build scan.ply --chunks 300 -o a.rbvh", 2, "--chunks");
   bad("build scan.ply --chunks 2 --measure -o a.rbvh", 2, "built in chunks");
   bad("build scan.ply --chunks 2 -o scan.ply/a.rbvh", 1, "");
   bad("build scan.ply --chunks 2 -o missing/a.rbvh", 1, "");
   bad("build scan.ply --memory 1K -o a.rbvh", 5, "raise --memory");
+}
+
+/// Two halves of a ball, without normals or radii.
+void write_tiles(const std::string& first, const std::string& second, int points) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  LasFile tiles[2];
+  for (int i = 0; i < points; ++i) {
+    const double z = uniform(random), angle = 3.14159265 * uniform(random), r = std::sqrt(1 - z * z);
+    tiles[z > 0 ? 1 : 0].points.push_back({static_cast<std::int32_t>(1e5 * r * std::cos(angle)),
+                                           static_cast<std::int32_t>(1e6 * r * std::sin(angle)),
+                                           static_cast<std::int32_t>(2e3 * z)});
+  }
+  std::ofstream(first, std::ios::binary) << tiles[0].bytes();
+  std::ofstream(second, std::ios::binary) << tiles[1].bytes();
+}
+
+TEST_F(ChunksToolTest, SeveralFilesAreOneScan) {
+  write_tiles(path("1.las"), path("2.las"), 20000);
+  const ToolRun run = tool("build 1.las 2.las --levels Q2 --chunks 4 -o city.rbvh");
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_NE(run.err.find("20000 normals estimated, in 4 cells"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("1.las: returns, scan angles"), std::string::npos) << run.err;
+  const std::string info = tool("info city.rbvh").out;
+  EXPECT_NE(info.find("pair of 4 parts"), std::string::npos) << info;
+  EXPECT_NE(info.find("1.las and 1 more"), std::string::npos) << info;
+  int folders = 0;
+  for (const auto& entry : fs::directory_iterator(path("."))) folders += entry.is_directory();
+  EXPECT_EQ(folders, 1) << "what was gathered is gone";
+  good("build 1.las 2.las --levels Q2 -o whole.rbvh");
+  good("render city.rbvh --resolution 96,96 --up +Z -o city.png");
+  good("validate city.rbvh");
+}
+
+TEST_F(ChunksToolTest, KilledWhileTheyAreGathered) {
+  write_tiles(path("1.las"), path("2.las"), 8000);
+  const std::string build = "build 1.las 2.las --levels Q3 --chunks 3 -q";
+  fs::create_directory(path("whole"));
+  const auto start = std::chrono::steady_clock::now();
+  ASSERT_EQ(tool(build + " -o whole/a.rbvh").code, 0);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  const std::map<std::string, std::string> whole = bytes_in("whole");
+  const unsigned seed = std::random_device{}();
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> moment(0, seconds.count());
+  for (int i = 0; i < 3; ++i) {
+    fs::remove_all(path("killed"));
+    fs::create_directory(path("killed"));
+    tool(build + " --resume -o killed/a.rbvh", "timeout -s KILL " + std::to_string(moment(random)));
+    const bool is_there = fs::exists(path("killed/a.rbvh"));
+    EXPECT_EQ(tool(build + " --resume -o killed/a.rbvh" + (is_there ? " -f" : "")).code, 0);
+    EXPECT_TRUE(bytes_in("killed") == whole) << "seed " << seed << ", kill " << i;
+  }
+}
+
+TEST_F(ChunksToolTest, KeepsToItsMemoryWhileItGathers) {
+  // Completing so many points at once takes 180 MB more.
+  write_tiles(path("1.las"), path("2.las"), 500000);
+  good("build 1.las 2.las --levels Q4 --memory 450M -o a.rbvh");
+  EXPECT_NE(tool("info a.rbvh").out.find("pair of"), std::string::npos);
+  rusage used{};
+  getrusage(RUSAGE_CHILDREN, &used);
+  EXPECT_LT(used.ru_maxrss, 450 * 1024);
 }
 
 TEST_F(ChunksToolTest, KeepsToItsMemory) {

@@ -74,7 +74,7 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("build a.ply -o b.rbvh --levels Q0,,Q1", "--levels");
   expect_usage_error("build a.ply -o b.rbvh --refinement best", "--refinement");
   expect_usage_error("build a.ply -o b.rbvh --hybrid maybe", "--hybrid");
-  expect_usage_error("build a.ply extra.ply -o b.rbvh", "extra.ply");
+  expect_usage_error("trace a.ply extra.ply --rays r.npy -o b.npy", "extra.ply");
   expect_usage_error("trace a.ply -o h.npy", "--rays");
   expect_usage_error("render a.ply -o a.png --tracer best", "wide16");
   expect_usage_error("render a.ply -o a.png --builder best", "sah-binned");

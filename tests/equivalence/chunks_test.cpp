@@ -127,7 +127,7 @@ void ChunksTest::check_levels(const Scan& scan, const BuildConfig& config, const
   for (const std::uint32_t chunks : {1u, 2u, 4u, 8u}) {
     const std::string file = path("parts.rbvh");
     const ChunkReport report =
-        build_in_chunks(device, path("scan.ply"), file, config, {.chunks = chunks, .overwrite = true});
+        build_in_chunks(device, {path("scan.ply")}, file, config, {.chunks = chunks, .overwrite = true});
     EXPECT_EQ(report.chunks, chunks);
     for (const LevelConfig& level : config.levels) {
       const Deviation parts = compare(cast(device, file, level.name, rays), exact),
@@ -173,7 +173,7 @@ TEST_F(ChunksTest, ColorsAndObjectsAreKept) {
   for (std::size_t i = 0; i < scan.triangles.size(); ++i)
     scan.object_ids.push_back(scan.positions[scan.triangles[i][0]].y > 0 ? 7 : 3);
   write_ply(path("scan.ply"), scan, true);
-  build_in_chunks(device, path("scan.ply"), path("a.rbvh"), config_of(standard_levels({"Q1"})),
+  build_in_chunks(device, {path("scan.ply")}, path("a.rbvh"), config_of(standard_levels({"Q1"})),
                   {.chunks = 4});
   std::map<std::uint32_t, int> objects;
   for (const PairPart& part : read_parts(path("a.rbvh")).parts)
@@ -209,7 +209,8 @@ TEST_F(ChunksTest, PartsHaveOneFrame) {
     out.write(reinterpret_cast<const char*>(&t), sizeof t);
   }
   out.close();
-  build_in_chunks(device, path("far.ply"), path("a.rbvh"), config_of(standard_levels({"Q1"})), {.chunks = 4});
+  build_in_chunks(device, {path("far.ply")}, path("a.rbvh"), config_of(standard_levels({"Q1"})),
+                  {.chunks = 4});
   const Asset parts = load_asset(path("a.rbvh")), exact = load_asset(path("far.ply"));
   EXPECT_EQ(shift(parts), shift(exact));
   EXPECT_EQ(parts.bounds.lo, exact.bounds.lo);
@@ -229,7 +230,7 @@ TEST_F(ChunksTest, ThreadsDoNotShow) {
   std::map<std::string, std::string> bytes[2];
   for (const int threads : {1, 3}) {
     set_thread_count(threads);
-    build_in_chunks(device, path("scan.ply"), path("a.rbvh"), config_of(standard_levels({"Q0", "Q3"})),
+    build_in_chunks(device, {path("scan.ply")}, path("a.rbvh"), config_of(standard_levels({"Q0", "Q3"})),
                     {.chunks = 3, .overwrite = true});
     for (const auto& entry : fs::recursive_directory_iterator(folder))
       if (entry.is_regular_file()) {
@@ -245,7 +246,7 @@ TEST_F(ChunksTest, ThreadsDoNotShow) {
 TEST_F(ChunksTest, PartsLeaveByUse) {
   const Scan sphere = bumpy_sphere(60);
   write_ply(path("scan.ply"), sphere, true);
-  build_in_chunks(device, path("scan.ply"), path("a.rbvh"), config_of(standard_levels({"Q0"})),
+  build_in_chunks(device, {path("scan.ply")}, path("a.rbvh"), config_of(standard_levels({"Q0"})),
                   {.chunks = 8});
   const std::vector<Ray> rays = rays_into(sphere, 500);
   Asset asset = load_asset(path("a.rbvh"));
