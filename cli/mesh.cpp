@@ -24,8 +24,6 @@ void run_mesh(Context& context, const MeshOptions& options) {
   check_is_pair(options.file);
   const Asset pair = load(context, options.file);
   time_phase(context, "load");
-  if (const std::string lost = lost_textures(*pair.rbvh(), "a mesh does not hold"); !lost.empty())
-    warn(context, lost);
   const std::string level = options.level.empty() ? level_names(pair).front() : options.level.front();
   LevelMeshCounts counts;
   context.progress.update("mesh", 0);

@@ -21,8 +21,6 @@ void run_tiles(Context& context, const TilesOptions& options) {
   if (!options.levels.empty()) config.levels = options.levels;
   const Asset pair = load(context, options.file, config);
   time_phase(context, "load");
-  if (const std::string lost = lost_textures(*pair.rbvh(), "a tileset does not hold"); !lost.empty())
-    warn(context, lost);
   const TilesetCounts counts =
       write_tileset(context.output, pair, context.force, context.progress.callback());
   time_phase(context, "write");

@@ -261,7 +261,8 @@ void write_glb(const std::string& path, const Scan& scan, const Vec3d& up, bool 
   // The header's length, of the whole file, has 32 bits.
   std::uint64_t bytes = scan.positions.size() * 44 + scan.triangles.size() * sizeof(Triangle);
   if (!scan.textures.empty()) bytes += scan.triangles.size() * 3 * 36;  // if no vertices are shared
-  for (const Texture& texture : scan.textures) bytes += texture.image->file.size();
+  for (const Texture& texture : scan.textures)
+    bytes += std::max(texture.image->file.size(), 3 * texture.image->texels.size());
   if (bytes > std::numeric_limits<std::uint32_t>::max() - 65536u)
     throw Error(ErrorKind::kFailure, path, "a GLB holds at most 4 GB; write a PLY, or a coarser level");
   const tinygltf::Model model = model_of(scan, up);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <string>
@@ -21,9 +22,15 @@ bool is_ply(std::string_view bytes);
 /// messages. Throws Error(kInput).
 RawScan read_ply(std::string_view bytes, const std::string& file);
 
-/// Passes the bytes of the output PLY (scan_io.h's write_ply) to `sink` in pieces. `images`: the file of each
-/// texture, beside it; none: the scan's textures are left out.
+/// A texture's image beside the PLY.
+struct PlyImage {
+  std::string name;
+  std::uint64_t bytes = 0, hash = 0;
+};
+
+/// Passes the bytes of the output PLY (scan_io.h's write_ply) to `sink` in pieces. `images`: that of each
+/// texture; none: the scan's textures are left out.
 void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink,
-                const std::vector<std::string>& images = {});
+                const std::vector<PlyImage>& images = {});
 
 }  // namespace rbvh

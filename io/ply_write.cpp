@@ -13,6 +13,7 @@
 #include "io/ply.h"
 #include "io/ply_header.h"
 #include "io/scan_io.h"
+#include "io/texture_files.h"
 #include "pipeline/base/error.h"
 
 namespace rbvh {
@@ -45,19 +46,19 @@ std::vector<std::string> property_names(const Scan& scan) {
 }
 
 /// Names the textures' images, with what "comment rbvh texture" of ply_header.h says of each.
-std::string texture_comments(const Scan& scan, const std::vector<std::string>& images) {
+std::string texture_comments(const Scan& scan, const std::vector<PlyImage>& images) {
   std::string text;
   for (std::size_t i = 0; i < images.size(); ++i) {
     const Texture& texture = scan.textures[i];
     const auto wrap = [](TextureWrap how) { return std::string(ply::kWrapNames[static_cast<int>(how)]); };
-    text += "comment TextureFile " + images[i] + "\ncomment rbvh texture " + wrap(texture.wrap_u) + " " +
-            wrap(texture.wrap_v) + " " + std::to_string(texture.image->file.size()) + " " +
-            hash_digits(hash_bytes(texture.image->file)) + (texture.times_colors ? " times-colors\n" : "\n");
+    text += "comment TextureFile " + images[i].name + "\ncomment rbvh texture " + wrap(texture.wrap_u) + " " +
+            wrap(texture.wrap_v) + " " + std::to_string(images[i].bytes) + " " + hash_digits(images[i].hash) +
+            (texture.times_colors ? " times-colors\n" : "\n");
   }
   return text;
 }
 
-std::string header(const Scan& scan, const std::vector<std::string>& images) {
+std::string header(const Scan& scan, const std::vector<PlyImage>& images) {
   std::string text = "ply\nformat binary_little_endian 1.0\ncomment written by rbvh\n";
   if (scan.shift != Vec3d{}) {
     text += "comment original coordinates are these plus the shift\ncomment rbvh shift " +
@@ -111,7 +112,7 @@ class Writer {
 }  // namespace
 
 void encode_ply(const Scan& scan, const std::function<void(std::span<const std::byte>)>& sink,
-                const std::vector<std::string>& images) {
+                const std::vector<PlyImage>& images) {
   RBVH_CHECK(scan.positions.size() <= INT32_MAX);
   const std::string text = header(scan, images);
   sink(std::as_bytes(std::span(text)));
@@ -144,7 +145,7 @@ bool holds_textures(const std::string& path) {
 }
 
 void write_ply(const std::string& path, const Scan& scan, bool overwrite) {
-  const auto write_to = [&](OutputFile& out, const std::vector<std::string>& images) {
+  const auto write_to = [&](OutputFile& out, const std::vector<PlyImage>& images) {
     encode_ply(
         scan, [&](std::span<const std::byte> piece) { out.write(piece); }, images);
   };
@@ -154,20 +155,21 @@ void write_ply(const std::string& path, const Scan& scan, bool overwrite) {
     return out.commit();
   }
   OutputFile out(path, overwrite, OutputFile::Role::kInSet);
-  std::map<const TextureImage*, std::string> names;
-  std::vector<std::string> images;  // of each texture
+  std::map<const TextureImage*, PlyImage> written;
+  std::vector<PlyImage> images;  // of each texture
   std::deque<OutputFile> files;
   std::vector<SetPart> parts;
   for (const Texture& texture : scan.textures) {
-    std::string& name = names[texture.image.get()];
-    if (name.empty()) {
-      const fs::path image = fs::path(path).replace_extension(".texture" + std::to_string(parts.size()) +
-                                                              image_extension(texture.image->file));
-      name = image.filename().string();
-      files.emplace_back(image.string(), overwrite, OutputFile::Role::kInSet).write(texture.image->file);
-      parts.push_back({&files.back(), hash_bytes(texture.image->file)});
+    const auto [image, is_new] = written.try_emplace(texture.image.get());
+    if (is_new) {
+      const std::string bytes = image_file(*texture.image);
+      const fs::path file = fs::path(path).replace_extension(".texture" + std::to_string(parts.size()) +
+                                                             image_extension(bytes));
+      image->second = {file.filename().string(), bytes.size(), hash_bytes(bytes)};
+      files.emplace_back(file.string(), overwrite, OutputFile::Role::kInSet).write(bytes);
+      parts.push_back({&files.back(), image->second.hash});
     }
-    images.push_back(name);
+    images.push_back(image->second);
   }
   write_to(out, images);
   commit_set(out, parts);

@@ -110,11 +110,11 @@ std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const st
                      static_cast<double>(bytes) / static_cast<double>(others), other, format_bytes(others));
 }
 
-std::string lost_textures(const Rbvh& rbvh, const std::string& beginning) {
+std::string lost_textures(const Rbvh& rbvh) {
   const bool has_any = std::any_of(rbvh.levels.begin(), rbvh.levels.end(),
                                    [](const Level& level) { return texture_layer(level) != nullptr; });
   if (!has_any) return {};
-  return beginning + " the levels' textures: vertices have their mean colours";
+  return "the page does not draw the levels' textures: vertices have their mean colours";
 }
 
 std::string joined_tiles_text(const LevelMeshCounts& counts) {

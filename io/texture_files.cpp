@@ -9,6 +9,7 @@
 #include "io/image_module.h"
 #include "io/input_file.h"
 #include "io/max_expansion.h"
+#include "io/png.h"
 #include "io/text_cursor.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/memory_budget.h"
@@ -182,6 +183,13 @@ void load_textures(RawScan& scan, const std::string& file, const MemoryBudget& m
   if (not_finite > 0)
     scan.texture_faults.push_back(counted(not_finite, "face") +
                                   " with texture coordinates that are no numbers left bare");
+}
+
+std::string image_file(const TextureImage& image) {
+  if (!image.file.empty()) return image.file;
+  const std::vector<std::byte> png =
+      encode_png(image.width, image.height, 3, {image.texels.data()->data(), 3 * image.texels.size()}, true);
+  return {reinterpret_cast<const char*>(png.data()), png.size()};
 }
 
 }  // namespace rbvh

@@ -20,4 +20,7 @@ std::optional<std::string> find_beside(const std::string& file, std::string_view
 /// that are not finite; RawScan::texture_faults says so. Hostile input is expected.
 void load_textures(RawScan& scan, const std::string& file, const MemoryBudget& memory);
 
+/// The image's own file; of one that has none, a PNG of its texels.
+std::string image_file(const TextureImage& image);
+
 }  // namespace rbvh

@@ -21,6 +21,8 @@
 #include "pipeline/base/error.h"
 #include "pipeline/base/units.h"
 #include "pipeline/rbvh/lod.h"
+#include "pipeline/rbvh/mesh_texture.h"
+#include "pipeline/scene/asset_content.h"
 #include "rbvh/frame.h"
 #include "rbvh/io.h"
 #include "rbvh/mesh.h"
@@ -108,9 +110,10 @@ std::string file_name(const std::string& level, int depth, const Cell& cell) {
   return name + ".glb";
 }
 
-/// Writes the level's tiles.
-void write_tiles(const Scan& mesh, const Asset& pair, const std::string& folder, const std::string& name,
+/// Writes the tiles of a level, whose mesh is `mesh`. Each has an image of its own of the colours there.
+void write_tiles(const Level& of, const Scan& mesh, const Asset& pair, const std::string& folder,
                  TileLevel& level) {
+  const std::vector<std::uint32_t> leaves = textured_leaves(of, mesh);
   std::map<Cell, std::vector<std::uint32_t>> cells;
   const std::size_t count = mesh.is_cloud() ? mesh.positions.size() : mesh.triangles.size();
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -122,9 +125,14 @@ void write_tiles(const Scan& mesh, const Asset& pair, const std::string& folder,
     cells[cell_of(middle, pair.bounds, level.depth)].push_back(i);
   }
   for (const auto& [cell, elements] : cells) {
-    const Scan part = part_of(mesh, elements);
+    Scan part = part_of(mesh, elements);
+    if (!leaves.empty()) {
+      std::vector<std::uint32_t> of_part;
+      for (const std::uint32_t t : elements) of_part.push_back(leaves[t]);
+      add_texture(of, of_part, part);
+    }
     Tile& tile = level.tiles[cell];
-    tile.content = file_name(name, level.depth, cell);
+    tile.content = file_name(of.name, level.depth, cell);
     for (const Vec3f& p : part.positions) tile.bounds.add(p);
     write_glb(folder + "/" + tile.content, part, pair.up_axis(), false);
   }
@@ -232,12 +240,12 @@ TilesetCounts write_tileset(const std::string& folder, const Asset& pair, bool o
   for (std::size_t i = names.size(); i-- > 0;) {
     if (progress)
       progress("tiles", static_cast<double>(names.size() - 1 - i) / static_cast<double>(names.size()));
-    const Scan mesh = level_mesh(pair, names[i]);
+    const Scan mesh = plain_level_mesh(pair, names[i]);
     TileLevel& level = levels.emplace_back();
     const TileLevel& coarser = levels[levels.size() - 2];
     level.depth = depth_for(mesh.is_cloud() ? mesh.positions.size() : mesh.triangles.size(), coarser.depth);
     level.error = std::min(coarser.error, error_of(rbvh, names[i], mesh, diagonal) * meters);
-    write_tiles(mesh, pair, out.path(), names[i], level);
+    write_tiles(*rbvh.find_level(names[i]), mesh, pair, out.path(), level);
     counts.tiles += level.tiles.size();
   }
   for (std::size_t i = levels.size() - 1; i-- > 0;) link(levels[i], levels[i + 1]);

@@ -160,6 +160,12 @@ void round_texture(Layer& texture) {
   texture.hi = kHighest;
 }
 
+Color8 texture_bytes(const Layer& texture, const std::uint16_t* codes) {
+  Color8 bytes;
+  for (std::size_t c = 0; c < 3; ++c) bytes[c] = shown_byte(texture, codes[c]);
+  return bytes;
+}
+
 std::optional<Vec3f> texture_color(const Level& level, const Layer& texture, std::uint32_t leaf, float u,
                                    float v, float width) {
   const LayerGrid grid(level, texture, leaf);
@@ -177,9 +183,7 @@ std::optional<Vec3f> texture_color(const Level& level, const Layer& texture, std
     for (std::size_t k = 0; k < 4; ++k) {
       const std::uint16_t* codes = &texture.texels[3 * quad.texels[k]];
       if (codes[0] == 0 || !(quad.weights[k] > 0)) continue;
-      Color8 bytes;
-      for (std::size_t c = 0; c < 3; ++c) bytes[c] = shown_byte(texture, codes[c]);
-      color = color + linear_color(bytes) * quad.weights[k];
+      color = color + linear_color(texture_bytes(texture, codes)) * quad.weights[k];
       sum += quad.weights[k];
     }
   }

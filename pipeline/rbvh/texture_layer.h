@@ -39,6 +39,9 @@ void add_texture_layers(std::span<Level> levels, const Scan& scan, std::optional
 /// Rounds the values of such a layer, however they came, to 8 bits: it takes half the bytes then.
 void round_texture(Layer& texture);
 
+/// sRGB, of the three codes of a texel that has a value.
+Color8 texture_bytes(const Layer& texture, const std::uint16_t* codes);
+
 /// What the layer shows where a leaf is hit at (u, v) of its tile, in texels of the heights: linear light,
 /// averaged over `width` (scan units). Nothing where none of the texels there has a value.
 std::optional<Vec3f> texture_color(const Level& level, const Layer& texture, std::uint32_t leaf, float u,

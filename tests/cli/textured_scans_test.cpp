@@ -34,6 +34,15 @@ class Textured : public ToolTest {
     return most;
   }
 
+  /// Of channels from 0 to 1.
+  static double root_mean_square(const Picture& a, const Picture& b) {
+    EXPECT_EQ(a.pixels.size(), b.pixels.size());
+    double sum = 0;
+    for (std::size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i)
+      sum += std::pow(static_cast<double>(a.pixels[i] - b.pixels[i]), 2);
+    return std::sqrt(sum / static_cast<double>(a.pixels.size()));
+  }
+
   /// Runs the words, which must succeed, and returns what they warn of.
   std::string warnings(const std::string& words) const {
     const ToolRun run = tool(words);
@@ -153,17 +162,24 @@ TEST_F(Textured, APairShowsWhatTheScanShows) {
 TEST_F(Textured, DerivedLevelsCarryThem) {
   good("build ball.obj --levels Q1 -o ball.rbvh");
   good("lod ball.rbvh --levels Q3 -o derived.rbvh");
-  for (const char* words :
-       {"mesh ball.rbvh -o m.ply", "tiles ball.rbvh -o tiles", "view ball.rbvh -o v.html"}) {
-    const ToolRun run = tool(words);
-    EXPECT_EQ(run.code, 0) << run.err;
-    EXPECT_NE(run.err.find("the levels' textures"), std::string::npos) << words << ": " << run.err;
+  const ToolRun view = tool("view ball.rbvh -o v.html");
+  EXPECT_EQ(view.code, 0) << view.err;
+  EXPECT_NE(view.err.find("the levels' textures"), std::string::npos) << view.err;
+  EXPECT_LT(root_mean_square(picture("ball.obj"), picture("derived.rbvh")), 0.05);
+}
+
+// Of triangles, of tiles, and of both: what a pair shows, its meshes and tilesets show to other programs.
+TEST_F(Textured, MeshesAndTilesetsShowThem) {
+  write("ball.obj", TexturedBall(48).obj());
+  for (const auto& [hybrid, level] : {std::pair<std::string, std::string>{"auto", "Q0"}, {"off", "Q4"}}) {
+    good("build ball.obj --levels " + level + " --hybrid " + hybrid + " -f -o ball.rbvh");
+    const Picture pair = picture("ball.rbvh");
+    good("tiles ball.rbvh -f -o tiles");
+    good("mesh ball.rbvh -f -o m.ply");
+    good("mesh ball.rbvh -f -o m.glb");
+    for (const std::string& mesh : {std::string("m.ply"), std::string("m.glb"), "tiles/" + level + ".glb"})
+      EXPECT_LT(root_mean_square(pair, picture(mesh)), 0.03) << hybrid << " " << mesh;
   }
-  const Picture exact = picture("ball.obj"), derived = picture("derived.rbvh");
-  double sum = 0;
-  for (std::size_t i = 0; i < exact.pixels.size(); ++i)
-    sum += std::pow(static_cast<double>(exact.pixels[i] - derived.pixels[i]), 2);
-  EXPECT_LT(std::sqrt(sum / static_cast<double>(exact.pixels.size())), 0.05);
 }
 
 TEST_F(Textured, FacesWithoutATextureKeepTheirColours) {
