@@ -7,7 +7,6 @@
 #include "cli/pair_output.h"
 #include "cli/stages.h"
 #include "cli/views_options.h"
-#include "io/image_module.h"
 #include "io/input_file.h"
 #include "io/load_source.h"
 #include "io/rbvh_file.h"
@@ -145,7 +144,6 @@ void run_build(Context& context, const BuildOptions& given) {
   if (options.chunks > 0 || !fits_memory(options.files, config, context.memory))
     return run_in_chunks(context, options, config);
   std::future<Device> opening = open_meanwhile(context.device);
-  const std::future<void> images = load_images_meanwhile();
 
   std::vector<std::string> notes;
   SourceScan source = load_sources(options.files, context.memory, notes);

@@ -1,5 +1,4 @@
-// The atlas file of a pair: a 16-bit unsigned TIFF by OpenImageIO with one subimage per level and layer,
-// named
+// The atlas file of a pair: a 16-bit unsigned TIFF by libtiff with one subimage per level and layer, named
 // "<level>.<layer>" by its ImageDescription.
 #pragma once
 

@@ -33,15 +33,6 @@ const ImageModule& image_module(const std::string& path) {
   return *module;
 }
 
-std::future<void> load_images_meanwhile() {
-  return std::async(std::launch::async, [] {
-    try {
-      image_module({});
-    } catch (const Error&) {  // and its first user tries again
-    }
-  });
-}
-
 std::vector<unsigned char> encode_image(const char* format, const ImageSpec& spec, const void* pixels,
                                         const std::string& path) {
   std::vector<unsigned char> bytes;

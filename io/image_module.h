@@ -6,7 +6,6 @@
 #include <climits>
 #include <cstdint>
 #include <functional>
-#include <future>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,12 +17,11 @@ namespace rbvh {
 
 /// An image to be written.
 struct ImageSpec {
-  enum class Type { kUint8, kUint16, kFloat };
+  enum class Type { kUint8, kFloat };
   std::uint32_t width = 0, height = 0;
   std::size_t channels = 0;
   std::vector<std::string> channel_names{};  ///< empty: the format's own
   Type type = Type::kUint8;
-  std::uint32_t tile_width = 0, tile_height = 0;  ///< 0: no tiles
   std::vector<std::pair<std::string, std::variant<int, float, std::string>>> attributes{};
 };
 
@@ -49,11 +47,6 @@ struct ImageModule {
   std::string (*encode)(const char* format, const ImageSpec& spec, const void* pixels, int threads,
                         std::vector<unsigned char>& bytes);
 
-  /// A TIFF file of 16-bit subimages in tiles. `texels` gives those of the i-th when those before are in the
-  /// file.
-  std::string (*write_tiff)(const std::string& path, std::span<const ImageSpec> subimages,
-                            const std::function<const std::uint16_t*(std::size_t)>& texels, int threads);
-
   /// The first channels of the file's first image, at most `channels`. `place` sees its header first and says
   /// where they go: room for width * height * channels values of the type; or throws.
   std::string (*decode)(const char* format, std::string_view file,
@@ -72,10 +65,6 @@ struct ImageModule {
 
 /// Loaded with its libraries by the first call. Throws Error(kFailure), naming `path`, where it cannot be.
 const ImageModule& image_module(const std::string& path);
-
-/// Loads it on another thread, while the caller computes; where it cannot be loaded, image_module() says so.
-/// To be called when no thread changes the environment any more, which libraries read.
-std::future<void> load_images_meanwhile();
 
 /// Its encode(): writers do not report every failed write, and OutputFile, which writes the bytes, does.
 /// Throws Error(kFailure), naming `path`.

@@ -13,25 +13,14 @@ namespace rbvh {
 namespace {
 
 OIIO::TypeDesc type_of(ImageSpec::Type type) {
-  switch (type) {
-    case ImageSpec::Type::kUint8:
-      return OIIO::TypeUInt8;
-    case ImageSpec::Type::kUint16:
-      return OIIO::TypeUInt16;
-    case ImageSpec::Type::kFloat:
-      break;
-  }
-  return OIIO::TypeFloat;
+  return type == ImageSpec::Type::kUint8 ? OIIO::TypeUInt8 : OIIO::TypeFloat;
 }
 
 OIIO::ImageSpec oiio_spec(const ImageSpec& from) {
   OIIO::ImageSpec spec(static_cast<int>(from.width), static_cast<int>(from.height),
                        static_cast<int>(from.channels), type_of(from.type));
   if (!from.channel_names.empty()) spec.channelnames = from.channel_names;
-  // In named channels and tiles, no channel multiplies another.
-  if (!from.channel_names.empty() || from.tile_width > 0) spec.alpha_channel = -1;
-  spec.tile_width = static_cast<int>(from.tile_width);
-  spec.tile_height = static_cast<int>(from.tile_height);
+  if (!from.channel_names.empty()) spec.alpha_channel = -1;  // no channel multiplies another
   for (const auto& attribute : from.attributes)
     std::visit([&](const auto& value) { spec.attribute(attribute.first, value); }, attribute.second);
   return spec;
@@ -52,38 +41,6 @@ std::string encode(const char* format, const ImageSpec& spec, const void* pixels
     return in_words(out->geterror());
   bytes = memory.buffer();
   return {};
-}
-
-/// Tile by tile from a zeroed buffer: OpenImageIO pads the tiles at the image's border with what its own
-/// buffer contained before.
-bool write_tiles(OIIO::ImageOutput& out, const ImageSpec& spec, const std::uint16_t* texels) {
-  std::vector<std::uint16_t> tile(spec.channels * spec.tile_width * spec.tile_height);
-  for (std::uint32_t y = 0; y < spec.height; y += spec.tile_height)
-    for (std::uint32_t x = 0; x < spec.width; x += spec.tile_width) {
-      std::fill(tile.begin(), tile.end(), std::uint16_t{0});
-      const std::size_t columns = std::min(spec.tile_width, spec.width - x);
-      const std::uint32_t rows = std::min(spec.tile_height, spec.height - y);
-      for (std::size_t row = 0; row < rows; ++row)
-        std::copy_n(texels + ((y + row) * spec.width + x) * spec.channels, columns * spec.channels,
-                    tile.data() + row * spec.tile_width * spec.channels);
-      if (!out.write_tile(static_cast<int>(x), static_cast<int>(y), 0, OIIO::TypeUInt16, tile.data()))
-        return false;
-    }
-  return true;
-}
-
-std::string write_tiff(const std::string& path, std::span<const ImageSpec> subimages,
-                       const std::function<const std::uint16_t*(std::size_t)>& texels, int threads) {
-  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("tiff");
-  if (out == nullptr) return in_words(OIIO::geterror());
-  out->threads(threads);
-  for (std::size_t i = 0; i < subimages.size(); ++i) {
-    const auto mode = i == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
-    // Opening the next subimage finishes the one before.
-    if (!out->open(path, oiio_spec(subimages[i]), mode) || !write_tiles(*out, subimages[i], texels(i)))
-      return in_words(out->geterror());
-  }
-  return out->close() ? "" : in_words(out->geterror());
 }
 
 std::string decode(const char* format, std::string_view file,
@@ -143,7 +100,7 @@ std::string write_gif(const std::string& path, std::uint32_t width, std::uint32_
 }  // namespace rbvh
 
 __attribute__((visibility("default"))) const rbvh::ImageModule* rbvh_image_module() {
-  static constexpr rbvh::ImageModule kModule = {RBVH_VERSION, rbvh::encode,    rbvh::write_tiff,
-                                                rbvh::decode, rbvh::draw_text, rbvh::write_gif};
+  static constexpr rbvh::ImageModule kModule = {RBVH_VERSION, rbvh::encode, rbvh::decode, rbvh::draw_text,
+                                                rbvh::write_gif};
   return &kModule;
 }
