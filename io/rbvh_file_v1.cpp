@@ -47,8 +47,8 @@ void take_primitives(const std::vector<RbvhPrimitive>& shapes, bool discs, Scan&
       continue;
     }
     const auto first = static_cast<std::uint32_t>(primitives.positions.size());
-    for (int corner = 0; corner < 3; ++corner)
-      primitives.positions.push_back({s[3 * corner], s[3 * corner + 1], s[3 * corner + 2]});
+    for (const auto* corner = s; corner < s + 9; corner += 3)
+      primitives.positions.push_back({corner[0], corner[1], corner[2]});
     primitives.triangles.push_back({first, first + 1, first + 2});
   }
   if (!discs) primitives.normals.resize(primitives.positions.size());

@@ -51,17 +51,18 @@ const char* remedy_words(rbvh::Remedy remedy) {
 void add_errors(py::module_& module) {
   static auto* const error_class = new py::exception<rbvh::Error>(module, "Error");
   error_class->doc() = "What is wrong with an input, a file, the device or what was asked for, in one line.";
-  py::register_exception_translator([](std::exception_ptr thrown) {
-    try {
-      if (thrown) std::rethrow_exception(thrown);
-    } catch (const rbvh::Error& error) {
-      py::object raised =
-          static_cast<py::object&>(*error_class)(std::string(error.what()) + remedy_words(error.remedy()));
-      raised.attr("kind") = kind_name(error.kind());
-      raised.attr("file") = error.file();
-      PyErr_SetObject(error_class->ptr(), raised.ptr());
-    }
-  });
+  py::register_exception_translator(
+      [](std::exception_ptr thrown) {  // NOLINT(performance-unnecessary-value-param): pybind11 wants it so
+        try {
+          if (thrown) std::rethrow_exception(thrown);
+        } catch (const rbvh::Error& error) {
+          py::object raised = static_cast<py::object&>(*error_class)(std::string(error.what()) +
+                                                                     remedy_words(error.remedy()));
+          raised.attr("kind") = kind_name(error.kind());
+          raised.attr("file") = error.file();
+          PyErr_SetObject(error_class->ptr(), raised.ptr());
+        }
+      });
 }
 
 py::list devices() {

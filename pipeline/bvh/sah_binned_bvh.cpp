@@ -60,7 +60,8 @@ struct Split {
 Split best_split(const Bins& bins, const Binning& binning, std::uint32_t test_width) {
   Split best;
   const auto tests = [&](std::size_t count) {
-    return static_cast<float>((count + test_width - 1) / test_width);
+    const std::size_t whole = (count + test_width - 1) / test_width;
+    return static_cast<float>(whole);
   };
   for (int axis = 0; axis < 3; ++axis) {
     if (!(binning.scale.v[axis] > 0)) continue;
@@ -138,7 +139,7 @@ class Binner {
       half.centers.add_point(element.center());
     };
     if (split.axis < 0) {  // all centres agree, or too deep: halve the set as it lies
-      left = right = range.begin + range.size() / 2;
+      left = range.begin + range.size() / 2;
       for (std::size_t i = range.begin; i < range.end; ++i) put(halves[i < left ? 0 : 1], elements_[i]);
     } else {
       const auto axis = static_cast<std::size_t>(split.axis);

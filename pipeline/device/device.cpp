@@ -368,7 +368,7 @@ cl::Buffer make_buffer(const DeviceState& device, std::size_t bytes) {
   cl::Buffer buffer(device.context, CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR, bytes, pages.get());
   // Commands under way keep a buffer, so its memory leaves with it.
   buffer.setDestructorCallback([](cl_mem, void* memory) { HugePages{memory}; }, pages.get());
-  pages.release();
+  static_cast<void>(pages.release());
   return buffer;
 }
 

@@ -34,9 +34,9 @@ std::vector<Vec3f> gather_light(const Tracer& tracer, std::span<const Vec3f> poi
       }
       for (int bounce = 1; bounce <= config.max_bounces && !wave.paths.empty(); ++bounce)
         step(trace, bounce == 1 ? start : tracer.surface(wave.hits, 0), sample, bounce);
+      const std::size_t band = first / kPathsAtOnce;
       report(progress, "light",
-             (static_cast<double>(first / kPathsAtOnce) + (sample + 1.) / config.samples) /
-                 static_cast<double>(bands));
+             (static_cast<double>(band) + (sample + 1.) / config.samples) / static_cast<double>(bands));
     }
     for (std::size_t i = 0; i < count; ++i)
       light[first + i] =

@@ -91,7 +91,7 @@ void choose_planes(const Partition& partition, const Primitives& primitives,
       grids.push_back(split_grid(node));
     }
     const Runs runs = upload_runs(device, std::move(list));
-    const Buffer<SplitBin> device_bins(device, runs.count() * 3 * kBins);
+    const Buffer<SplitBin> device_bins(device, std::size_t{runs.count()} * 3 * kBins);
     run_over(device, runs, "build/partition", "partition_bins", Buffer<SplitGrid>(device, grids),
              partition.references, primitives.box_lo, primitives.box_hi, device_bins);
     const std::vector<SplitBin> run_bins = device_bins.read();

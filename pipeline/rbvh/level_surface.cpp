@@ -48,7 +48,7 @@ TriangleSoup surface_of(const Level& level) {
   for_each_quad(level, [&](std::uint32_t leaf, std::uint32_t x, std::uint32_t y, std::size_t at) {
     const TileFrame frame(level.leaves[leaf]);
     const auto corner = [&](std::uint32_t i, std::uint32_t j) {
-      return frame.at(x + i, y + j, heights[at + j * level.atlas_width + i]);
+      return frame.at(x + i, y + j, heights[at + std::size_t{j} * level.atlas_width + i]);
     };
     add_triangle(soup, corner(0, 0), corner(1, 0), corner(1, 1));
     add_triangle(soup, corner(0, 0), corner(1, 1), corner(0, 1));

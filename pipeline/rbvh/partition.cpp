@@ -189,6 +189,7 @@ void split_once(Partition& partition, const Primitives& primitives,
   if (requests.empty()) return;
   if (partition.host != nullptr) return split_once_on_host(partition, requests);
   std::vector<std::uint32_t> active;
+  active.reserve(requests.size());
   for (const SplitRequest& request : requests) active.push_back(request.node);
   std::vector<Split> splits = choose_splits(partition, primitives, active);
   for (std::size_t k = 0; k < requests.size(); ++k) {

@@ -103,7 +103,8 @@ void approach_tiles(const Device& device, const Level& level, std::span<const st
 }  // namespace
 
 double sampled_error(const Device& device, const Level& level, const Scan& scan) {
-  const auto [points, weights] = sample(scan);
+  const Samples samples = sample(scan);
+  const std::vector<Vec3f>& points = samples.points;
   const std::vector<std::uint32_t> firsts = first_primitives(level);
   std::vector<float> distances(points.size());
   const auto beside = static_cast<float>(texel_side(level));
@@ -116,8 +117,8 @@ double sampled_error(const Device& device, const Level& level, const Scan& scan)
   double squares = 0, all = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const auto distance = static_cast<double>(distances[i]);
-    squares += weights[i] * distance * distance;
-    all += weights[i];
+    squares += samples.weights[i] * distance * distance;
+    all += samples.weights[i];
   }
   return all > 0 ? std::sqrt(squares / all) : 0;
 }

@@ -155,6 +155,7 @@ std::vector<std::uint32_t> split_uncovered(RefineState& level, std::size_t first
   if (!requests.empty()) partition.references.write(std::span<const std::uint32_t>(references));
   split_once(partition, level.primitives, requests);
   std::vector<std::uint32_t> split_off;
+  split_off.reserve(requests.size());
   for (const SplitRequest& request : requests)
     split_off.push_back(static_cast<std::uint32_t>(partition.nodes[request.node].left));
   return split_off;

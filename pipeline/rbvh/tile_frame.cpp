@@ -146,6 +146,7 @@ RasterTile make_raster_tile(const PartitionNode& node, const TileAxes& axes, con
 
 std::vector<TileAxes> tile_axes(const Partition& partition, const std::vector<std::uint32_t>& nodes) {
   std::vector<TileAxes> axes;
+  axes.reserve(nodes.size());
   for (const std::uint32_t n : nodes) axes.push_back(initial_axes(partition.nodes[n]));
   return axes;
 }

@@ -94,7 +94,8 @@ class Trimmer {
       });
       for (const Quad& quad : quads_[k]) {
         for (int j = 0; j < 9 && kept_[quad.texel] != 0; ++j) {
-          const Vec3f p = point(tiles_[k], quad, 0.5 * (j % 3), 0.5 * (j / 3));
+          const int row = j / 3;
+          const Vec3f p = point(tiles_[k], quad, 0.5 * (j % 3), 0.5 * row);
           const bool is_covered = (has_primitives && is_on(primitives, soup, tiles_[k], p)) ||
                                   std::any_of(lower.begin(), lower.end(), [&](std::uint32_t other) {
                                     return find_quad(tiles_[other], p, tiles_[k].outside).has_value();
@@ -102,9 +103,9 @@ class Trimmer {
           if (is_covered) kept_[quad.texel] = 0;
         }
         if (kept_[quad.texel] == 0) continue;
-        for (int j = 0; j < 4; ++j)
+        for (const auto& [i, j] : {std::pair{0, 0}, {1, 0}, {0, 1}, {1, 1}})
           for (const std::uint32_t other : higher)
-            drop(tiles_[other], point(tiles_[k], quad, j % 2, j / 2), tiles_[k].outside);
+            drop(tiles_[other], point(tiles_[k], quad, i, j), tiles_[k].outside);
       }
     }
     return {std::move(kept_), std::move(gaps_)};

@@ -50,8 +50,8 @@ std::array<Turn, kViews> turns() {
   for (const double elevation : {20., 45.})
     for (int i = 0; i < 8; ++i) {
       // From the front on to both sides.
-      const double step = (i % 2 == 1 ? 1 : -1) * ((i + 1) / 2) * 45;
-      all[count++] = {30 + step, elevation};
+      const int step = (i % 2 == 1 ? 45 : -45) * ((i + 1) / 2);
+      all[count++] = {30. + step, elevation};
     }
   for (int i = 0; i < 4; ++i) all[count++] = {30 + 90. * i, 70};
   return all;

@@ -101,9 +101,9 @@ std::optional<Vec3f> parse_color(std::string_view text) {
   if (text == "grey" || text == "gray") return Vec3f{0.5f, 0.5f, 0.5f};
   Vec3f color;
   if (text.starts_with('#') && text.size() == 7) {
-    for (int c = 0; c < 3; ++c) {
+    const char* begin = text.data() + 1;
+    for (int c = 0; c < 3; ++c, begin += 2) {
       unsigned value = 0;
-      const char* begin = text.data() + 1 + 2 * c;
       if (std::from_chars(begin, begin + 2, value, 16).ptr != begin + 2) return std::nullopt;
       color[c] = static_cast<float>(value) / 255;
     }

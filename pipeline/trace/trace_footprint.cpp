@@ -79,6 +79,7 @@ Cast cast_by_footprint(const FootprintTracer& tracer, std::span<const Ray> rays,
       again = cast(tracer.levels[level], *camera, count_steps);
     } else {
       std::vector<Ray> some;
+      some.reserve(which.size());
       for (const std::size_t i : which) some.push_back(rays[i]);
       again = cast(tracer.levels[level], some, query, count_steps);
     }

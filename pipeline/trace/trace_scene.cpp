@@ -194,6 +194,7 @@ SceneTracer make_scene_tracer(const Device& device, const Scene& scene, const Sc
   }
   if (!placements.empty()) {
     std::vector<Bounds3f> placed_boxes;
+    placed_boxes.reserve(placements.size());
     for (const ScenePlacement& p : placements)
       placed_boxes.push_back({{p.lo[0], p.lo[1], p.lo[2]}, {p.hi[0], p.hi[1], p.hi[2]}});
     const WideBvh wide = build_wide_bvh(placed_boxes);
