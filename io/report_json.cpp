@@ -59,7 +59,7 @@ Json ingest_json(const IngestReport& counts, const Scan& scan, const std::vector
         {"mesh_normals_completed", counts.mesh_normals_completed},
         {"radii_estimated", counts.cloud.radii_estimated}}},
       {"shift", {scan.shift.x, scan.shift.y, scan.shift.z}},
-      {"bounds", {{"low", {box.lo.x, box.lo.y, box.lo.z}}, {"high", {box.hi.x, box.hi.y, box.hi.z}}}},
+      {"bounds", {{"lo", {box.lo.x, box.lo.y, box.lo.z}}, {"hi", {box.hi.x, box.hi.y, box.hi.z}}}},
       {"area", counts.area},
       {"units", scan.units.empty() ? "unknown" : scan.units},
   };

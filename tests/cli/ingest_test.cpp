@@ -88,6 +88,7 @@ TEST_F(Ingest, TheReportHasEveryCount) {
   EXPECT_EQ(report["removed"]["coincident_faces"]["sheets"], 1);
   EXPECT_EQ(report["faces_out"], 1);
   EXPECT_EQ(report["shift"][0], 500001);
+  EXPECT_EQ(report["bounds"], Json::parse(tool("info out.ply --json").out)["bounds"]);
   EXPECT_EQ(report["area"], 0.5);
   EXPECT_TRUE(report["timings"].contains("read"));
 }
