@@ -5,10 +5,10 @@ import { build } from "esbuild";
 
 const here = (name) => new URL(name, import.meta.url).pathname;
 
-/** A shader without comments and most spaces; what begins with # keeps its line. */
+/** A shader without comments, most spaces and zeros after points; what begins with # keeps its line. */
 const shrink = (text) => text.replace(/\/\/.*$/gm, "").split("\n").map((line) =>
   line.trim().startsWith("#") ? `\n${line.trim()}\n` : `${line.trim().replace(/\s*([=<>(){},;:&|?!*/])\s*/g, "$1")}\n`)
-  .join("").replace(/\n+/g, "\n").replace(/([;{},])\n(?!#)/g, "$1");
+  .join("").replace(/(?<![+-]) ([+-]) (?![+-])/g, "$1").replace(/(\d\.)0\b(?!\.)/g, "$1").replace(/\n+/g, "\n").replace(/([;{},])\n(?!#)/g, "$1");
 
 /** Those in files of their own, and those in the template strings of the files that put them together. */
 const shaders = {

@@ -47,6 +47,17 @@ test("drags, wheel and keys move the camera by the right amounts", async () => {
   near(turn(was.azimuth, place(await camera(page)).azimuth), 5, 0.01, "an arrow key");
   await page.key("+");
   near(place(await camera(page)).distance / was.distance, 0.85, 1e-3, "plus");
+  was = place(await camera(page));
+  const stays = await camera(page);
+  await page.key("ArrowLeft", { modifiers: 8 });
+  near(length(sub((await camera(page)).focalPoint, stays.focalPoint)), (40 * 2 * Math.tan(Math.PI / 12) * was.distance) / height, 1e-3, "shift and an arrow key");
+  near(place(await camera(page)).azimuth, was.azimuth, 1e-6, "which does not turn");
+  for (const [key, id] of [["p", "probe"], ["d", "measure"]]) {
+    await page.key(key);
+    assert.equal(await page.evaluate(`document.getElementById("${id}").ariaPressed`), "true", key);
+  }
+  await page.key("Escape");
+  assert.equal(await page.evaluate("document.querySelectorAll('#probe[aria-pressed=true], #measure[aria-pressed=true]').length"), 0);
   await page.key("5");
   near(place(await camera(page)).elevation, 89.9, 0.01, "the view from the top");
   await page.key("r");
@@ -69,6 +80,16 @@ test("two fingers come nearer and move, one turns", async () => {
   await page.touch("touchMove", [[x + 40, y]]);
   await page.touch("touchEnd", []);
   near(turn(pinched.azimuth, place(await camera(page)).azimuth), (-40 / height) * 180, 0.1, "one finger");
+  // Two fingers side by side come no nearer; what they hold follows.
+  const before = await camera(page), pixel = (2 * Math.tan(Math.PI / 12) * pinched.distance) / height;
+  await page.touch("touchStart", [[x - 30, y], [x + 30, y]]);
+  await page.touch("touchMove", [[x - 30, y + 24], [x + 30, y + 24]]);
+  await page.touch("touchEnd", []);
+  const moved = await camera(page), by = sub(moved.focalPoint, before.focalPoint);
+  near(length(by), 24 * pixel, 1.5 * pixel, "two fingers down"); // one moves before the other: nearer, and back
+  near(place(moved).distance, pinched.distance, 1e-3 * pinched.distance, "no nearer");
+  near(length(sub(by, sub(moved.position, before.position))), 0, 1e-6, "the camera goes along");
+  assert.deepEqual(page.errors, []);
   await page.close();
 });
 
@@ -141,6 +162,56 @@ test("without WebGL2, WebGPU draws", async () => {
   await page.until("window.rbvh?.viewer.firstPicture > 0", 120);
   assert.equal(await page.evaluate("rbvh.stats().renderer"), "webgpu");
   await page.close();
+});
+
+test("the thumbnail stays until the first picture, and levels are decoded where none is drawn; the time is noted", async (t) => {
+  const source = "window.frames_ = []; window.draw_ = requestAnimationFrame; requestAnimationFrame = (frame) => (frames_.push(frame), 1);";
+  const page = await open("tiles", "", 360, 480, (page) => page.send("Page.addScriptToEvaluateOnNewDocument", { source }));
+  await page.until("window.rbvh", 60);
+  await page.evaluate("rbvh.loaded.then(() => 0)");
+  const isShown = (id) => page.evaluate(`!!document.${id}?.checkVisibility()`);
+  assert.deepEqual([await isShown('getElementById("still")'), await isShown('querySelector("canvas")')], [true, false]);
+  await page.evaluate("(requestAnimationFrame = draw_, frames_.forEach((frame) => frame(0)), 0)");
+  await page.until("rbvh.stats().firstPicture > 0", 60);
+  await page.until('!document.getElementById("still")');
+  assert.ok(await isShown('querySelector("canvas")'));
+  await page.close();
+  for (const renderer of ["webgl2", "hybrid", "webgpu"]) {
+    const timed = await open("color", `?renderer=${renderer}`, 640, 440);
+    t.diagnostic(`${renderer}: first picture after ${Math.round(await timed.until("window.rbvh?.stats().firstPicture", 60))} ms`);
+    await timed.close();
+  }
+});
+
+test("no texture is larger than the device's or 8192 texels; what needs more is refused, and the next coarser level shown", async () => {
+  const source = `window.largest = 0; const make = WebGL2RenderingContext.prototype.texImage2D;
+    WebGL2RenderingContext.prototype.texImage2D = function (...words) { largest = Math.max(largest, words[3], words[4]); return make.apply(this, words); };`;
+  const page = await open("painted", "?renderer=webgl2", 320, 320, (page) => page.send("Page.addScriptToEvaluateOnNewDocument", { source }));
+  await page.until("window.rbvh", 60);
+  await page.evaluate('rbvh.loaded.then(() => rbvh.setLevel("Q3"))');
+  await page.evaluate('rbvh.setLayer("wear")');
+  const most = await page.evaluate('rbvh.viewer.canvas.getContext("webgl2").getParameter(WebGL2RenderingContext.MAX_TEXTURE_SIZE)');
+  assert.equal(await page.evaluate("rbvh.viewer.renderer.mostRows"), Math.min(most, 8192));
+  // As many rows as Q3 takes: too few for Q1.
+  const rows = await page.evaluate(`rbvh.viewer.levels.map(({ nodes, prims, vertices, tiles, heights, normals, colors, layers: [{ leaves, values }] }) =>
+    Math.max(...[nodes, prims, vertices, tiles, leaves].map((a) => a.length / 16384), ...[heights, normals, colors, values].map((a) => a.length / 4096)))`);
+  assert.ok(rows[0] < rows[1], rows.join());
+  await page.evaluate(`rbvh.viewer.exclusive(async () => (rbvh.viewer.renderer.mostRows = ${rows[0]}, 0)).then(() => rbvh.setLevel("Q1"))`);
+  await page.until('document.getElementById("message").textContent.startsWith("Q1 cannot be shown")');
+  assert.match(await message(page), /^Q1 cannot be shown: its \w+ take \d+ rows of a texture, which has at most \d+$/);
+  await page.until('document.getElementById("state").textContent.startsWith("Q3")');
+  assert.ok(await page.evaluate("rbvh.render(64, 64).then(({ data }) => data.some((v) => v > 0))"));
+  const largest = await page.evaluate("largest");
+  assert.ok(largest >= 4096 && largest <= Math.min(most, 8192), `${largest} texels`);
+  assert.deepEqual(page.errors, []);
+  await page.close();
+
+  const small = `const get = WebGL2RenderingContext.prototype.getParameter;
+    WebGL2RenderingContext.prototype.getParameter = function (name) { return name === 0x0d33 ? 2048 : get.call(this, name); };`;
+  const old = await open("tiles", "?renderer=webgl2", 320, 320, (page) => page.send("Page.addScriptToEvaluateOnNewDocument", { source: small }));
+  await old.until('document.getElementById("message")?.textContent', 60);
+  assert.match(await message(old), /cannot draw the scan: its textures have 2048 texels a side/);
+  await old.close();
 });
 
 test("the thumbnail is there where scripts are off", async () => {
@@ -255,6 +326,18 @@ test("a damaged page says so", async () => {
   await cut.until('document.getElementById("message")?.textContent', 60);
   assert.match(await message(cut), /^This page is broken/);
   await cut.close();
+});
+
+test("scripts and styles that are not the page's own do not run", async () => {
+  const html = readFileSync(path("color.html"), "utf8");
+  assert.match(html, /Content-Security-Policy" content="default-src 'none';/);
+  const foreign = "<script>window.stolen = 1</script><style>header { display: none }</style></body>";
+  writeFileSync(path("foreign.html"), html.replace("</body>", () => foreign));
+  const page = await openReady("foreign");
+  assert.equal(await page.evaluate("window.stolen"), undefined);
+  assert.ok(await page.evaluate('document.querySelector("header").offsetHeight > 20'));
+  assert.equal(await page.evaluate('fetch("data:,x").then(() => "fetched", () => "refused")'), "refused");
+  await page.close();
 });
 
 test("names from scans are text; a narrow page needs no scrolling; all controls have names and are reached by tab", async () => {

@@ -183,10 +183,14 @@ export class HybridRenderer extends GlRenderer {
   }
 
   private rasterise(sample: Sample, name: string, vertex: string, fragment: string, count: number): void {
-    const gl = this.gl, { rays } = sample, { tracing, camera, toViewer } = primaryPieces(this.traversal);
-    const program = this.program(`raster ${name}`, () => `${tracing}${camera}${toViewer}${project}${fragment}`,
-                                 `${tracing}${camera.replace(/vec2 thisPixel.*/, "")}${project}${quad}${vertex}`);
-    this.bindLevel(program);
+    const gl = this.gl, { rays } = sample;
+    const program = this.tracer(name, (kind) => {
+      const { tracing, camera, toViewer } = primaryPieces(kind);
+      return `${tracing}${camera}${toViewer}${project}${fragment}`;
+    }, (kind) => {
+      const { tracing, camera } = primaryPieces(kind);
+      return `${tracing}${camera.replace(/vec2 thisPixel.*/, "")}${project}${quad}${vertex}`;
+    });
     this.setCamera(program, sample);
     const { forward } = rays, { lo, hi } = this.shown!.data;
     const diagonal = Math.hypot(hi[0]! - lo[0]!, hi[1]! - lo[1]!, hi[2]! - lo[2]!);

@@ -111,6 +111,11 @@ async function main(): Promise<void> {
   const linked = cameraOfLink(viewer, location.hash);
   if (linked) viewer.setCamera(linked);
   else ui.reset();
+  // The coarsest level is decoded while the renderer's shaders are compiled.
+  const decode = decoder(), task = async (index: number): Promise<LevelData> =>
+    decode({ index, meta: meta.levels[index]!, text: await whenParsed(index) });
+  const coarsest = task(0);
+  coarsest.catch(() => undefined);
   // The one that was asked for, else the first that works.
   const asked = query.get("renderer"), names = asked ? [asked] : ["webgl2", ...(hasWebGpu() ? ["webgpu"] : [])];
   for (const [i, name] of names.entries()) {
@@ -124,7 +129,6 @@ async function main(): Promise<void> {
     }
   }
 
-  const decode = decoder();
   const decoded = meta.levels.map(() => {
     let done!: () => void, failed!: (error: unknown) => void;
     const promise = new Promise<void>((resolve, reject) => ([done, failed] = [resolve, reject]));
@@ -132,11 +136,12 @@ async function main(): Promise<void> {
     return { promise, done, failed };
   });
   expose(viewer, ui, decoded.map((d) => d.promise), choose);
-  for (const [index, level] of meta.levels.entries()) {
+  void viewer.first.then(() => document.getElementById("still")?.remove());
+  for (const index of meta.levels.keys()) {
     try {
-      const data = await decode({ index, meta: level, text: await whenParsed(index) });
-      viewer.add(index, data);
-      document.getElementById("still")?.remove();
+      // The first picture has both cores of a small machine; pages that are not seen draw none.
+      if (index === 1) await Promise.race([viewer.first, new Promise((done) => setTimeout(done, 2000))]);
+      viewer.add(index, await (index === 0 ? coarsest : task(index)));
       decoded[index]!.done();
     } catch (error) {
       say(`This page is broken: ${message(error)}`);

@@ -1,14 +1,31 @@
 // The shaders of the WebGL2 renderers, put together.
 import trace from "./trace.glsl";
 import surface from "./surface.glsl";
+import type { LevelMeta } from "./page";
+import type { ShownLayer } from "./renderer";
 
 /** How a shader traverses the hierarchy. */
 export const TRAVERSALS = ["short-stack", "trail", "parent-link"] as const;
 export type Traversal = (typeof TRAVERSALS)[number];
 
+/** What shaders are made for. */
+export interface Kind {
+  traversal: Traversal;
+  tiles: boolean;
+  discs: boolean;
+  colors: boolean;
+  layer: number; // its channels; 0: none
+}
+
+export const kindOf = (traversal: Traversal, meta: LevelMeta, layer: ShownLayer | null): Kind =>
+  ({ traversal, tiles: meta.tiles > 0, discs: meta.discs, colors: meta.colors, layer: layer?.meta.channels ?? 0 });
+
 const head = "#version 300 es\n";
-const tracing = (traversal: Traversal): string =>
-  `${head}#define TRAVERSAL ${TRAVERSALS.indexOf(traversal)}\n#define STACK 8\n${trace}${surface}`;
+const tracing = (kind: Kind): string => {
+  const { traversal, tiles, discs, colors, layer } = kind;
+  const words = { TRAVERSAL: TRAVERSALS.indexOf(traversal), STACK: 8, TILES: +tiles, DISCS: +discs, COLORS: +colors, LAYER: layer };
+  return head + Object.entries(words).map(([name, value]) => "#define " + name + " " + value + "\n").join("") + trace + surface;
+};
 
 /** A triangle that covers everything. */
 export const COVER = `${head}void main() {
@@ -42,7 +59,7 @@ void writeSurface(vec3 view) {
 }
 `;
 
-export const primaryPass = (traversal: Traversal): string => `${tracing(traversal)}${camera}${toViewer}
+export const primaryPass = (kind: Kind): string => `${tracing(kind)}${camera}${toViewer}
 void main() {
   vec3 d = pixelDirection(thisPixel());
   castRay(camPosition, d, 0.0, FAR, false);
@@ -52,10 +69,10 @@ void main() {
 }`;
 
 /** What passes that find primary hits in another way are made of. */
-export const primaryPieces = (traversal: Traversal) => ({ tracing: tracing(traversal), camera, toViewer });
+export const primaryPieces = (kind: Kind) => ({ tracing: tracing(kind), camera, toViewer });
 
 /** Rays from a texture, two texels each: origin, tmin; direction, tmax. */
-export const raysPass = (traversal: Traversal): string => `${tracing(traversal)}
+export const raysPass = (kind: Kind): string => `${tracing(kind)}
 uniform usampler2D rays;
 uniform int rayCount;
 layout(location = 0) out uvec4 outHit;    // t, normal
@@ -79,7 +96,7 @@ void main() {
 }`;
 
 /** Of each pixel's hit: how much of the key light and of the sky it sees, by one ray each. */
-export const occlusionPass = (traversal: Traversal): string => `${tracing(traversal)}${camera}
+export const occlusionPass = (kind: Kind): string => `${tracing(kind)}${camera}
 uniform usampler2D gNormal;
 uniform vec3 keyDirection;
 uniform float skyDistance, lift;

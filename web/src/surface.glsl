@@ -1,6 +1,4 @@
 // What is at a hit: the geometric and the smooth normal, and the colour in linear light.
-uniform bool hasColors;
-uniform int layerChannels;  // of the layer that is shown; 0: none
 uniform bool layerInRange;  // codes are values from lo to hi; else values as they are stored
 uniform vec2 layerRange;    // that colours stand for, as codes' shares of 65534 or as values
 
@@ -19,9 +17,12 @@ vec3 unpackNormal(uint code) {
   return normalize(n);
 }
 
+#if COLORS || LAYER
 vec3 toLinear(vec3 c) {
   return mix(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, lessThanEqual(c, vec3(0.04045)));
 }
+#endif
+#if COLORS
 vec3 vertexColor(uint v) {
   uint c = word4(vertices, 2u * v).w;
   return toLinear(vec3(float(c & 255u), float((c >> 8) & 255u), float((c >> 16) & 255u)) / 255.0);
@@ -30,7 +31,9 @@ vec3 texelColor(uint at) {
   uint c = texelFetch(colors, ivec2(at & 4095u, at >> 12), 0).x;
   return toLinear(vec3(float(c >> 11) / 31.0, float((c >> 5) & 63u) / 63.0, float(c & 31u) / 31.0));
 }
+#endif
 
+#if LAYER
 // Viridis as pipeline/render/color_map.cpp has it: a polynomial, in sRGB.
 const vec3 VIRIDIS[7] = vec3[7](
   vec3(0.2777273, 0.0054073, 0.3340998),
@@ -62,9 +65,9 @@ vec4 layerAt(uint leaf, vec3 p) {
     vec2 corner = vec2(float(k & 1), float(k >> 1));
     vec2 w2 = mix(1.0 - f, f, corner);
     float w = w2.x * w2.y;
-    uint at = (of.x + uint(first.y + corner.y) * (of.y & 65535u) + uint(first.x + corner.x)) * uint(layerChannels);
+    uint at = (of.x + uint(first.y + corner.y) * (of.y & 65535u) + uint(first.x + corner.x)) * uint(LAYER);
     if (w <= 0.0 || layerCode(at) == 0u) continue;
-    for (int c = 0; c < min(layerChannels, 3); ++c) {
+    for (int c = 0; c < min(LAYER, 3); ++c) {
       float code = float(layerCode(at + uint(c)));
       sum[c] += w * (layerInRange ? (code - 1.0) / 65534.0 : code);
     }
@@ -73,6 +76,7 @@ vec4 layerAt(uint leaf, vec3 p) {
   if (sum.w > 0.0) sum.xyz /= sum.w;
   return sum;
 }
+#endif
 
 Surface surfaceAt() {
   Surface s;
@@ -80,6 +84,7 @@ Surface surfaceAt() {
   s.values = vec4(0.0);
   s.uv = found.uv;
   vec3 p = rayO + rayD * found.t;
+#if TILES
   if ((found.id & TILE) != 0u) {
     Tile tile = readTile(found.id & 0x3fffffffu);
     vec3 place = mat3(tile.columns) * p + tile.columns[3];
@@ -110,20 +115,28 @@ Surface surfaceAt() {
       uint texel = tile.offset + uint(i);
       weight += w;
       normal += w * unpackNormal(texelFetch(normals, ivec2(texel & 4095u, texel >> 12), 0).x);
-      if (hasColors) color += w * texelColor(texel);
+#if COLORS
+      color += w * texelColor(texel);
+#endif
     }
     s.smooth_ = dot(normal, normal) > 0.0 ? normalize(normal) : s.geometric;
-    if (hasColors && weight > 0.0) s.color = color / weight;
-  } else {
+#if COLORS
+    if (weight > 0.0) s.color = color / weight;
+#endif
+  } else
+#endif
+  {
     uvec4 prim = word4(prims, found.id);
-    vec3 w = hasDiscs ? vec3(1.0, 0.0, 0.0) : vec3(1.0 - found.uv.x - found.uv.y, found.uv);
+    vec3 w = DISCS == 1 ? vec3(1.0, 0.0, 0.0) : vec3(1.0 - found.uv.x - found.uv.y, found.uv);
     vec3 normal = vec3(0.0), color = vec3(0.0), corners[3];
     for (int k = 0; k < 3; ++k) {
       corners[k] = float4(vertices, 2u * prim[k]).xyz;
       normal += w[k] * float4(vertices, 2u * prim[k] + 1u).xyz;
-      if (hasColors) color += w[k] * vertexColor(prim[k]);
+#if COLORS
+      color += w[k] * vertexColor(prim[k]);
+#endif
     }
-    if (hasDiscs) {
+    if (DISCS == 1) {
       s.geometric = normal;
     } else {
       vec3 e = corners[1] - corners[0], g = corners[2] - corners[0], most = max(abs(e), abs(g));
@@ -131,14 +144,16 @@ Surface surfaceAt() {
       s.geometric = normalize(cross(e * scale, g * scale));
       p = w.x * corners[0] + w.y * corners[1] + w.z * corners[2];
     }
-    if (hasDiscs) p = corners[0];
+    if (DISCS == 1) p = corners[0];
     s.smooth_ = dot(normal, normal) > 1e-12 ? normalize(normal) : s.geometric;
-    if (hasColors) s.color = color;
+#if COLORS
+    s.color = color;
+#endif
   }
-  if (layerChannels > 0) {
-    s.values = layerAt(found.leaf, p);
-    vec3 share = clamp((s.values.xyz - layerRange.x) / max(layerRange.y - layerRange.x, 1e-30), 0.0, 1.0);
-    s.color = s.values.w == 0.0 ? CLAY : layerChannels < 3 ? ramp(share.x) : share;
-  }
+#if LAYER
+  s.values = layerAt(found.leaf, p);
+  vec3 share = clamp((s.values.xyz - layerRange.x) / max(layerRange.y - layerRange.x, 1e-30), 0.0, 1.0);
+  s.color = s.values.w == 0.0 ? CLAY : LAYER < 3 ? ramp(share.x) : share;
+#endif
   return s;
 }

@@ -46,9 +46,9 @@ fn layerAt(leaf: u32, p: vec3f) -> vec4f {
     let corner = vec2f(f32(k & 1u), f32(k >> 1u));
     let w2 = mix(1.0 - f, f, corner);
     let w = w2.x * w2.y;
-    let at = (of_.x + u32(first.y + corner.y) * (of_.y & 65535u) + u32(first.x + corner.x)) * u.layerChannels;
+    let at = (of_.x + u32(first.y + corner.y) * (of_.y & 65535u) + u32(first.x + corner.x)) * LAYER;
     if (w <= 0.0 || half_(u.layerValues, at) == 0u) { continue; }
-    for (var c = 0u; c < min(u.layerChannels, 3u); c++) {
+    for (var c = 0u; c < min(LAYER, 3u); c++) {
       let code = f32(half_(u.layerValues, at + c));
       sum[c] += w * select(code, (code - 1.0) / 65534.0, u.layerInRange != 0u);
     }
@@ -63,8 +63,7 @@ fn surfaceAt() -> Surface {
   var p = rayO + rayD * found.t;
   var normal = vec3f(0);
   var color = vec3f(0);
-  let hasColors = u.hasColors != 0u;
-  if ((found.id & TILE) != 0u) {
+  if (TILES && (found.id & TILE) != 0u) {
     let tile = readTile(found.id & 0x3fffffffu);
     let place = tile.m0 * p.x + tile.m1 * p.y + tile.m2 * p.z + tile.m3;
     let most = vec2i(tile.width, tile.height) - 2;
@@ -96,33 +95,32 @@ fn surfaceAt() -> Surface {
       if (w <= 0.0 || heightAt(tile, i) == 0.0) { continue; }
       weight += w;
       normal += w * unpackNormal(texels[u.normals + tile.offset + u32(i)]);
-      if (hasColors) { color += w * texelColor(tile.offset + u32(i)); }
+      if (COLORS) { color += w * texelColor(tile.offset + u32(i)); }
     }
-    if (hasColors && weight > 0.0) { s.color = color / weight; }
+    if (COLORS && weight > 0.0) { s.color = color / weight; }
   } else {
     let prim = word4(u.prims, found.id);
-    let discs = u.hasDiscs != 0u;
-    let w = select(vec3f(1.0 - found.uv.x - found.uv.y, found.uv), vec3f(1, 0, 0), discs);
+    let w = select(vec3f(1.0 - found.uv.x - found.uv.y, found.uv), vec3f(1, 0, 0), DISCS);
     var corners: array<vec3f, 3>;
     for (var k = 0; k < 3; k++) {
       corners[k] = float4(u.vertices, 2u * prim[k]).xyz;
       normal += w[k] * float4(u.vertices, 2u * prim[k] + 1u).xyz;
-      if (hasColors) { color += w[k] * vertexColor(prim[k]); }
+      if (COLORS) { color += w[k] * vertexColor(prim[k]); }
     }
     let e = corners[1] - corners[0];
     let g = corners[2] - corners[0];
     let most = max(abs(e), abs(g));
     let scale = 1.0 / max(max(most.x, max(most.y, most.z)), 1e-30);
-    s.geometric = select(normalize(cross(e * scale, g * scale)), normal, vec3<bool>(discs));
+    s.geometric = select(normalize(cross(e * scale, g * scale)), normal, vec3<bool>(DISCS));
     p = w.x * corners[0] + w.y * corners[1] + w.z * corners[2];
-    if (hasColors) { s.color = color; }
+    if (COLORS) { s.color = color; }
   }
   s.smooth_ = select(s.geometric, normalize(select(vec3f(1), normal, vec3<bool>(dot(normal, normal) > 1e-12))),
                      vec3<bool>(dot(normal, normal) > 1e-12));
-  if (u.layerChannels > 0u) {
+  if (LAYER > 0u) {
     s.values = layerAt(found.leaf, p);
     let share = clamp((s.values.xyz - u.layerRange.x) / max(u.layerRange.y - u.layerRange.x, 1e-30), vec3f(0), vec3f(1));
-    s.color = select(select(share, ramp(share.x), vec3<bool>(u.layerChannels < 3u)), CLAY, vec3<bool>(s.values.w == 0.0));
+    s.color = select(select(share, ramp(share.x), vec3<bool>(LAYER < 3u)), CLAY, vec3<bool>(s.values.w == 0.0));
   }
   return s;
 }

@@ -1,5 +1,6 @@
 // Ray casting a level in a fragment shader: a binary hierarchy, tiles that are marched, triangles, discs. The
-// tests are those of kernels/; TRAVERSAL says how the tree is traversed:
+// tests are those of kernels/. TILES, DISCS, COLORS and LAYER (a layer's channels) say what there is, as shaders compile
+// the faster the less they hold; TRAVERSAL says how the tree is traversed:
 //   0 short stack of STACK entries, with a trail for when it has run dry (Laine, "Restart Trail for Stackless
 //     BVH Traversal", 2010); 1 the trail alone; 2 links to parents (Hapala et al., "Efficient Stack-less BVH
 //     Traversal for Ray Tracing", 2011)
@@ -9,7 +10,6 @@ precision highp usampler2D;
 
 uniform usampler2D nodes, prims, vertices, tiles, heights, normals, colors, layerLeaves, layerValues;
 uniform vec3 sceneLo, sceneHi;
-uniform bool hasDiscs;
 
 const float FAR = 3e38;
 const uint NONE = 0xffffffffu, LEAF = 0x80000000u, TILE = 0x40000000u;
@@ -68,6 +68,7 @@ bool entersBox(vec3 lo, vec3 hi, out float enter) {
 
 bool isNearer(float t, uint leaf) { return t < found.t || (t == found.t && leaf < found.leaf); }
 
+#if DISCS == 0
 void intersectTriangle(uint at, uvec4 prim) {
   vec3 a = permuted(float4(vertices, 2u * prim.x).xyz) - sheared,
        b = permuted(float4(vertices, 2u * prim.y).xyz) - sheared,
@@ -79,7 +80,7 @@ void intersectTriangle(uint at, uvec4 prim) {
   float t = (u * (shear.z * a.z) + v * (shear.z * b.z) + w * (shear.z * c.z)) / sum;
   if (t >= rayMin && isNearer(t, prim.w)) found = Found(t, at, prim.w, vec2(v, w) / sum);
 }
-
+#else
 void intersectDisc(uint at, uvec4 prim) {
   vec3 c = float4(vertices, 2u * prim.x).xyz - rayO;
   vec4 n = float4(vertices, 2u * prim.x + 1u);
@@ -93,9 +94,11 @@ void intersectDisc(uint at, uvec4 prim) {
   found = Found(t, at, prim.w, vec2(off.x * (1.0 + s * n.x * n.x * e) + off.y * (s * f) - off.z * (s * n.x),
                                     off.x * f + off.y * (s + n.y * n.y * e) - off.z * n.y));
 }
+#endif
 
 // --- tiles (kernels/trace/march.h, march_ray.h)
 
+#if TILES
 struct Tile {
   mat4x3 columns;
   vec3 lo, hi;
@@ -236,19 +239,26 @@ void march(uint id) {
   }
 }
 
+#endif
+
 // --- the hierarchy
 
 void visitLeaf(uint link) {
+#if TILES
   if ((link & TILE) != 0u) {
     march(link & 0x3fffffffu);
     return;
   }
+#endif
   uint first = link & 0x7ffffffu, end = first + ((link >> 27) & 7u) + 1u;
   for (uint i = first; i < end; ++i) {
     ++steps;
     uvec4 prim = word4(prims, i);
-    if (hasDiscs) intersectDisc(i, prim);
-    else intersectTriangle(i, prim);
+#if DISCS
+    intersectDisc(i, prim);
+#else
+    intersectTriangle(i, prim);
+#endif
     if (anyHit && found.id != NONE) return;
   }
 }

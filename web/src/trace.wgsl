@@ -1,5 +1,5 @@
 // What trace.glsl does, in WGSL; with surface.wgsl the passes of passes.ts as compute shaders: a work-group
-// of 8 x 8 pixels. A level's words lie in two buffers, from the offsets in `u` on.
+// of 8 x 8 pixels. TILES, DISCS, COLORS and LAYER come before it, as in trace.glsl. A level's words lie in two buffers, from the offsets in `u` on.
 struct Uniforms {
   sceneLo: vec3f, nodes: u32,
   sceneHi: vec3f, prims: u32,
@@ -13,9 +13,9 @@ struct Uniforms {
   background: vec3f, layerValues: u32,
   size: vec2u, target_: vec2u,
   radii: vec3i, row: u32,
-  hasDiscs: u32, hasColors: u32, layerChannels: u32, layerInRange: u32,
+  layerInRange: u32, sampleNumber: u32, occluded: u32, rayCount: u32,
   skyDistance: f32, lift: f32, pixelAngle: f32, weight: f32,
-  kept: f32, sampleNumber: u32, occluded: u32, rayCount: u32,
+  kept: f32,
 }
 @group(0) @binding(0) var<uniform> u: Uniforms;
 @group(0) @binding(1) var<storage, read> blocks: array<vec4u>;
@@ -267,7 +267,7 @@ fn march(id: u32) {
 }
 
 fn visitLeaf(link: u32) {
-  if ((link & TILE) != 0u) {
+  if (TILES && (link & TILE) != 0u) {
     march(link & 0x3fffffffu);
     return;
   }
@@ -276,7 +276,7 @@ fn visitLeaf(link: u32) {
   for (var i = first; i < end; i++) {
     steps++;
     let prim = word4(u.prims, i);
-    if (u.hasDiscs != 0u) { intersectDisc(i, prim); } else { intersectTriangle(i, prim); }
+    if (DISCS) { intersectDisc(i, prim); } else { intersectTriangle(i, prim); }
     if (anyHit && found.id != NONE) { return; }
   }
 }

@@ -68,6 +68,10 @@ export class Ui {
     this.listen();
     addControls(viewer, this.stage, { click: (x, y) => void this.click(x, y), key: (key) => this.key(key) });
     viewer.onChange = () => this.refresh();
+    viewer.onRefused = (what, error) => {
+      say(`${what} cannot be shown: ${error instanceof Error ? error.message : String(error)}`);
+      this.refresh();
+    };
     this.setDark(matchMedia("(prefers-color-scheme: dark)").matches);
     this.fillLayers();
     new ResizeObserver(() => this.resize()).observe(this.stage);

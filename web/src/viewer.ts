@@ -29,13 +29,17 @@ export class Viewer {
   frames = 0;
   rate = 0; // million rays a second, of the last whole sample
   onChange: () => void = () => {};
+  onRefused: (what: string, error: unknown) => void = () => {}; // what the device has no room for
 
   private renderer_: Renderer | null = null;
   private busy: Promise<unknown> = Promise.resolve();
   private changedAt = -Infinity;
   private moving = false;
+  private begun!: () => void;
+  /** The first picture is there. */
+  readonly first = new Promise<void>((done) => (this.begun = done));
   done = 0; // samples of a still picture
-  scale = 0.5; // of a moving picture: its pixels along a side, as a part of the canvas's
+  scale = 0.25; // of a moving picture: its pixels along a side, as a part of the canvas's
   private timer = 0;
 
   constructor(readonly meta: PageMeta, public canvas: HTMLCanvasElement) {
@@ -53,6 +57,7 @@ export class Viewer {
     if (!renderer) return;
     this.canvas = renderer.canvas;
     if (this.level >= 0) this.show(this.level, true);
+    else renderer.warm(this.meta.levels[0]!);
   }
 
   standardView(azimuth: number, elevation: number): Camera {
@@ -86,13 +91,21 @@ export class Viewer {
       this.layer = same < 0 ? null
         : { index: same, meta: meta.layers[same]!, lo: this.layer!.lo, hi: this.layer!.hi };
       this.renderer_?.setLayer(this.layer);
+    }).catch((error: unknown) => {
+      // The next coarser one is there, as it was decoded before.
+      this.level = -1;
+      this.show(index - 1);
+      this.onRefused(this.meta.levels[index]!.name, error);
     });
     this.changed();
   }
 
   setLayer(layer: ShownLayer | null): void {
     this.layer = layer;
-    this.exclusive(async () => this.renderer_?.setLayer(layer));
+    this.exclusive(async () => this.renderer_?.setLayer(layer)).catch((error: unknown) => {
+      this.setLayer(null);
+      this.onRefused(layer!.meta.name, error);
+    });
     this.changed();
   }
 
@@ -134,7 +147,7 @@ export class Viewer {
       renderer.present(this.background);
       const took = performance.now() - started;
       this.scale = Math.min(1, Math.max(0.1, this.scale * Math.sqrt(FRAME_MS / Math.max(1, took))));
-      if (this.firstPicture === 0) this.firstPicture = performance.now();
+      if (this.firstPicture === 0) this.showFirst();
       ++this.frames;
       if (this.changedAt === at && performance.now() - at > STILL_AFTER_MS) this.moving = false;
       return;
@@ -157,6 +170,12 @@ export class Viewer {
     ++this.done;
     ++this.frames;
     this.onChange();
+  }
+
+  private showFirst(): void {
+    this.firstPicture = performance.now();
+    this.canvas.hidden = false;
+    this.begun();
   }
 
   // --- what scripts ask for

@@ -3,31 +3,33 @@
 import { keyDirection } from "./camera";
 import { ROW } from "./level";
 import type { LevelData } from "./level";
-import { COVER, occlusionPass, presentPass, primaryPass, raysPass, shadePass } from "./passes";
-import type { Traversal } from "./passes";
+import { COVER, kindOf, occlusionPass, presentPass, primaryPass, raysPass, shadePass } from "./passes";
+import type { Kind, Traversal } from "./passes";
+import type { LevelMeta } from "./page";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
-import { HIT_WORDS } from "./renderer";
+import { HIT_WORDS, NOWHERE, emptyLevel } from "./renderer";
 
 type Uniform = number | boolean | number[];
+const MOST_ROWS = 8192; // of a texture
 /** Whole numbers, by name; any other is a float. */
-const INTEGERS = new Set(["layerChannels", "rayCount", "radii"]);
+const INTEGERS = new Set(["rayCount", "radii"]);
 
 class Program {
   readonly handle: WebGLProgram;
   private readonly places = new Map<string, WebGLUniformLocation | null>();
   constructor(private readonly gl: WebGL2RenderingContext, vertex: string, fragment: string) {
     this.handle = gl.createProgram()!;
+    const shaders: WebGLShader[] = [];
     for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]] as const) {
       const shader = gl.createShader(kind)!;
       gl.shaderSource(shader, text);
       gl.compileShader(shader);
       gl.attachShader(this.handle, shader);
-      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
-        throw new Error(`a shader does not compile: ${gl.getShaderInfoLog(shader)}`);
+      shaders.push(shader);
     }
     gl.linkProgram(this.handle);
     if (!gl.getProgramParameter(this.handle, gl.LINK_STATUS) && !gl.isContextLost())
-      throw new Error(`a shader does not link: ${gl.getProgramInfoLog(this.handle)}`);
+      throw new Error(`shaders do not link: ${[gl.getProgramInfoLog(this.handle), ...shaders.map((s) => gl.getShaderInfoLog(s))].join(" ")}`);
   }
   place(name: string): WebGLUniformLocation | null {
     if (!this.places.has(name)) this.places.set(name, this.gl.getUniformLocation(this.handle, name));
@@ -68,23 +70,33 @@ export class GlRenderer implements Renderer {
   private row = 0; // of the sample, from which there is work to do
   private stage = 0;
   private rowsPerMs = 0.5;
+  readonly mostRows: number;
 
   constructor(readonly canvas: HTMLCanvasElement, readonly traversal: Traversal) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: true,
                                              preserveDrawingBuffer: true });
     if (!gl) throw new Error("no WebGL2");
     this.gl = gl;
+    const most = gl.getParameter(gl.MAX_TEXTURE_SIZE) as number;
+    if (most < ROW) throw new Error(`its textures have ${most} texels a side, of ${ROW} that are needed`);
+    this.mostRows = Math.min(most, MOST_ROWS);
     gl.bindVertexArray(gl.createVertexArray());
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.pixelStorei(gl.PACK_ALIGNMENT, 1);
     this.empty = this.texture(gl.RGBA32UI, 1, 1, new Uint32Array(4));
   }
 
-  protected program(name: string, make: () => string, vertex = COVER): Program {
-    const key = `${name} ${this.traversal}`;
-    if (!this.programs.has(key)) this.programs.set(key, new Program(this.gl, vertex, make()));
-    const program = this.programs.get(key)!;
+  protected program(name: string, make: () => string, vertex = (): string => COVER): Program {
+    if (!this.programs.has(name)) this.programs.set(name, new Program(this.gl, vertex(), make()));
+    const program = this.programs.get(name)!;
     this.gl.useProgram(program.handle);
+    return program;
+  }
+  /** One that traces what is shown, with its textures. */
+  protected tracer(name: string, make: (kind: Kind) => string, vertex?: (kind: Kind) => string): Program {
+    const kind = kindOf(this.traversal, this.shown!.meta, this.layer);
+    const program = this.program(name + JSON.stringify(kind), () => make(kind), vertex && (() => vertex(kind)));
+    this.bindLevel(program);
     return program;
   }
 
@@ -124,13 +136,23 @@ export class GlRenderer implements Renderer {
   }
 
   protected put(name: string, format: number, data: Uint32Array | Uint16Array, perTexel: number): void {
-    const old = this.level.get(name);
+    const old = this.level.get(name), rows = Math.max(1, data.length / (ROW * perTexel));
+    if (rows > this.mostRows)
+      throw new Error(`its ${name} take ${rows} rows of a texture, which has at most ${this.mostRows}`);
     if (old) this.gl.deleteTexture(old);
-    const rows = Math.max(1, data.length / (ROW * perTexel));
-    if (rows > this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE))
-      throw new Error("this level is too large for this device's textures");
     const whole = data.length > 0 ? data : format === this.gl.R16UI ? new Uint16Array(ROW) : new Uint32Array(ROW * perTexel);
     this.level.set(name, this.texture(format, ROW, rows, whole));
+  }
+
+  /** By a picture of one pixel, for which nothing waits. */
+  warm(meta: LevelMeta): void {
+    this.setLevel(emptyLevel(meta));
+    this.begin(NOWHERE);
+    this.castPrimary(NOWHERE, 0, 1);
+    this.shade(NOWHERE);
+    this.present([0, 0, 0]);
+    this.gl.flush();
+    this.shown = this.sample = null;
   }
 
   setLevel(shown: Shown): void {
@@ -155,7 +177,7 @@ export class GlRenderer implements Renderer {
   }
 
   /** The level's textures and what else tracing needs. */
-  protected bindLevel(program: Program): void {
+  private bindLevel(program: Program): void {
     const gl = this.gl, shown = this.shown!;
     ["nodes", "prims", "vertices", "tiles", "heights", "normals", "colors", "layerLeaves", "layerValues",
      "texelTiles"]
@@ -168,10 +190,7 @@ export class GlRenderer implements Renderer {
       });
     program.set("sceneLo", shown.data.lo);
     program.set("sceneHi", shown.data.hi);
-    program.set("hasDiscs", shown.meta.discs);
-    program.set("hasColors", shown.meta.colors);
     const layer = this.layer;
-    program.set("layerChannels", layer ? layer.meta.channels : 0);
     if (!layer) return;
     const { lo, hi } = layer.meta, coded = hi > lo;
     const code = (value: number): number => (coded ? (value - lo) / (hi - lo) : value);
@@ -231,8 +250,7 @@ export class GlRenderer implements Renderer {
       }
       const texture = this.texture(gl.RGBA32UI, ROW, rayRows, data);
       const target = this.target(1024, rows, [gl.RGBA32UI, gl.RGBA32UI, gl.RGBA32UI]);
-      const program = this.program("rays", () => raysPass(this.traversal));
-      this.bindLevel(program);
+      const program = this.tracer("rays", raysPass);
       this.bind(program, "rays", texture, 10);
       program.set("rayCount", some);
       this.draw(target);
@@ -273,15 +291,13 @@ export class GlRenderer implements Renderer {
 
   /** Rows [from, to) of the primary hits. */
   protected castPrimary(sample: Sample, from: number, to: number): void {
-    const program = this.program("primary", () => primaryPass(this.traversal));
-    this.bindLevel(program);
+    const program = this.tracer("primary", primaryPass);
     this.setCamera(program, sample);
     this.draw(this.surface, [from, to]);
   }
 
   private castOcclusion(sample: Sample, from: number, to: number): void {
-    const program = this.program("occlusion", () => occlusionPass(this.traversal));
-    this.bindLevel(program);
+    const program = this.tracer("occlusion", occlusionPass);
     this.setCamera(program, sample);
     this.bind(program, "gNormal", this.surface!.textures[0]!, 10);
     const { lo, hi } = this.shown!.data;

@@ -1,7 +1,8 @@
 // The renderer in WebGPU compute shaders: work-groups of 8 x 8 pixels write the hits into buffers, which a
 // last pass draws.
 import { keyDirection } from "./camera";
-import { TRAVERSALS } from "./passes";
+import type { LevelMeta } from "./page";
+import { TRAVERSALS, kindOf } from "./passes";
 import type { Traversal } from "./passes";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
 import { HIT_WORDS } from "./renderer";
@@ -9,8 +10,7 @@ import blitText from "./blit.wgsl";
 import surfaceText from "./surface.wgsl";
 import traceText from "./trace.wgsl";
 
-const PASSES = ["primary", "occlusion", "shade", "castRays"] as const;
-type Pass = (typeof PASSES)[number];
+type Pass = "primary" | "occlusion" | "shade" | "castRays";
 
 export const hasWebGpu = (): boolean => "gpu" in navigator && !!navigator.gpu;
 
@@ -19,9 +19,9 @@ const UNIFORMS: [string, number][] = [
   ["sceneLo", 3], ["nodes", 1], ["sceneHi", 3], ["prims", 1], ["camPosition", 3], ["vertices", 1], ["camCorner", 3],
   ["tiles", 1], ["camRight", 3], ["layerLeaves", 1], ["camDown", 3], ["normals", 1], ["keyDirection", 3],
   ["heights", 1], ["skyUp", 3], ["colors", 1], ["camOffset", 2], ["layerRange", 2], ["background", 3],
-  ["layerValues", 1], ["size", 2], ["target", 2], ["radii", 3], ["row", 1], ["hasDiscs", 1], ["hasColors", 1],
-  ["layerChannels", 1], ["layerInRange", 1], ["skyDistance", 1], ["lift", 1], ["pixelAngle", 1], ["weight", 1],
-  ["kept", 1], ["sampleNumber", 1], ["occluded", 1], ["rayCount", 1]];
+  ["layerValues", 1], ["size", 2], ["target", 2], ["radii", 3], ["row", 1], ["layerInRange", 1], ["sampleNumber", 1],
+  ["occluded", 1], ["rayCount", 1], ["skyDistance", 1], ["lift", 1], ["pixelAngle", 1], ["weight", 1],
+  ["kept", 1], ["-", 3]];
 const FLOATS = new Set(["sceneLo", "sceneHi", "camPosition", "camCorner", "camRight", "camDown", "keyDirection", "skyUp",
   "camOffset", "layerRange", "background", "skyDistance", "lift", "pixelAngle", "weight", "kept"]);
 
@@ -35,19 +35,10 @@ export async function makeGpuRenderer(canvas: HTMLCanvasElement, traversal: Trav
   const device = await adapter.requestDevice({ requiredLimits: {
     maxStorageBufferBindingSize: most, maxBufferSize: adapter.limits.maxBufferSize } });
   void device.lost.then((info) => info.reason !== "destroyed" && onLost());
-  const module = device.createShaderModule({ code: traceText + surfaceText });
-  const problems = (await module.getCompilationInfo()).messages.filter((m) => m.type === "error");
-  if (problems.length > 0) throw new Error(`a shader does not compile: ${problems[0]!.lineNum}: ${problems[0]!.message}`);
   const storage = (binding: number, type: GPUBufferBindingType): GPUBindGroupLayoutEntry =>
     ({ binding, visibility: GPUShaderStage.COMPUTE, buffer: { type } });
   const layout = device.createBindGroupLayout({ entries: [storage(0, "uniform"), storage(1, "read-only-storage"),
     storage(2, "read-only-storage"), ...[3, 4, 5, 6, 7].map((i) => storage(i, "storage"))] });
-  const pipelines = {} as Record<Pass, GPUComputePipeline>;
-  for (const entryPoint of PASSES)
-    pipelines[entryPoint] = await device.createComputePipelineAsync({
-      layout: device.createPipelineLayout({ bindGroupLayouts: [layout] }),
-      compute: { module, entryPoint,
-                 constants: entryPoint === "shade" ? {} : { traversal: TRAVERSALS.indexOf(traversal) } } });
   const context = canvas.getContext("webgpu");
   if (!context) throw new Error("no WebGPU canvas");
   const format = navigator.gpu.getPreferredCanvasFormat();
@@ -55,7 +46,7 @@ export async function makeGpuRenderer(canvas: HTMLCanvasElement, traversal: Trav
   const blitModule = device.createShaderModule({ code: blitText });
   const blit = await device.createRenderPipelineAsync({ layout: "auto", vertex: { module: blitModule },
     fragment: { module: blitModule, targets: [{ format }] } });
-  return new GpuRenderer(canvas, device, layout, pipelines, context, blit);
+  return new GpuRenderer(canvas, traversal, device, layout, context, blit);
 }
 
 class GpuRenderer implements Renderer {
@@ -76,13 +67,31 @@ class GpuRenderer implements Renderer {
   private stage = 0;
   private rowsPerMs = 0.5;
 
-  constructor(readonly canvas: HTMLCanvasElement, private readonly device: GPUDevice,
-              private readonly layout: GPUBindGroupLayout, private readonly pipelines: Record<Pass, GPUComputePipeline>,
-              private readonly context: GPUCanvasContext, private readonly blit: GPURenderPipeline) {
+  private readonly modules = new Map<string, GPUShaderModule>();
+  private readonly pipelines = new Map<string, Promise<GPUComputePipeline>>();
+
+  constructor(readonly canvas: HTMLCanvasElement, readonly traversal: Traversal, private readonly device: GPUDevice,
+              private readonly layout: GPUBindGroupLayout, private readonly context: GPUCanvasContext, private readonly blit: GPURenderPipeline) {
     const words = UNIFORMS.reduce((sum, [, count]) => sum + count, 0);
     this.uniforms = device.createBuffer({ size: 4 * words, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
     this.blitUniforms = device.createBuffer({ size: 32, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
     this.nothing = this.buffer(64);
+  }
+
+  /** For what is shown. */
+  private pipeline(entryPoint: Pass, meta: LevelMeta, layer: ShownLayer | null): Promise<GPUComputePipeline> {
+    const { device } = this, { traversal, tiles, discs, colors, layer: channels } = kindOf(this.traversal, meta, layer);
+    const kind = `const TILES=${tiles};const DISCS=${discs};const COLORS=${colors};const LAYER=${channels}u;`, key = entryPoint + kind;
+    if (!this.modules.has(kind)) this.modules.set(kind, device.createShaderModule({ code: kind + traceText + surfaceText }));
+    if (!this.pipelines.has(key))
+      this.pipelines.set(key, device.createComputePipelineAsync({
+        layout: device.createPipelineLayout({ bindGroupLayouts: [this.layout] }),
+        compute: { module: this.modules.get(kind)!, entryPoint,
+                   constants: entryPoint === "shade" ? {} : { traversal: TRAVERSALS.indexOf(traversal) } } }));
+    return this.pipelines.get(key)!;
+  }
+  warm(meta: LevelMeta): void {
+    for (const pass of ["primary", "shade"] as const) this.pipeline(pass, meta, null).catch(() => undefined);
   }
 
   private buffer(size: number): GPUBuffer {
@@ -99,7 +108,7 @@ class GpuRenderer implements Renderer {
       bytes += Math.ceil(array.byteLength / 16) * 16;
     }
     if (bytes > this.device.limits.maxStorageBufferBindingSize)
-      throw new Error("this level is too large for this device's buffers");
+      throw new Error(`it takes a buffer of ${bytes} bytes, which has at most ${this.device.limits.maxStorageBufferBindingSize} here`);
     const buffer = this.buffer(bytes);
     arrays.forEach((array, i) => {
       if (array.byteLength > 0)
@@ -134,12 +143,11 @@ class GpuRenderer implements Renderer {
   }
 
   private levelValues(): Values {
-    const { meta, data } = this.shown!, layer = this.layer;
+    const { data } = this.shown!, layer = this.layer;
     const coded = !!layer && layer.meta.hi > layer.meta.lo;
     const code = (value: number): number =>
       coded ? (value - layer!.meta.lo) / (layer!.meta.hi - layer!.meta.lo) : value;
-    return { ...this.places, sceneLo: data.lo, sceneHi: data.hi, hasDiscs: meta.discs, hasColors: meta.colors,
-             layerChannels: layer?.meta.channels ?? 0, layerInRange: coded,
+    return { ...this.places, sceneLo: data.lo, sceneHi: data.hi, layerInRange: coded,
              layerRange: layer ? [code(layer.lo), code(layer.hi)] : [0, 1] };
   }
 
@@ -156,11 +164,13 @@ class GpuRenderer implements Renderer {
     this.device.queue.writeBuffer(this.uniforms, 0, data);
   }
 
-  private run(pass: Pass, x: number, y: number, rays = this.nothing, hits = this.nothing): void {
+  private async run(pass: Pass, values: Values, x: number, y: number, rays = this.nothing, hits = this.nothing): Promise<void> {
+    const pipeline = await this.pipeline(pass, this.shown!.meta, this.layer);
+    this.setUniforms(values);
     const encoder = this.device.createCommandEncoder(), compute = encoder.beginComputePass();
     const [surfaces, lights, sums] = this.picture.length > 0 ? this.picture
       : [this.buffer(64), this.buffer(64), this.buffer(64)];
-    compute.setPipeline(this.pipelines[pass]);
+    compute.setPipeline(pipeline);
     compute.setBindGroup(0, this.device.createBindGroup({ layout: this.layout, entries:
       [this.uniforms, this.blocks!, this.texels!, surfaces!, lights!, sums!, rays === hits ? this.buffer(64) : rays,
        rays === hits ? this.buffer(64) : hits].map((buffer, binding) => ({ binding, resource: { buffer } })) }));
@@ -190,8 +200,7 @@ class GpuRenderer implements Renderer {
       }
       const from = this.buffer(data.byteLength), to = this.buffer(48 * some);
       this.device.queue.writeBuffer(from, 0, data);
-      this.setUniforms({ ...this.levelValues(), rayCount: some });
-      this.run("castRays", Math.ceil(some / 64), 1, from, to);
+      await this.run("castRays", { ...this.levelValues(), rayCount: some }, Math.ceil(some / 64), 1, from, to);
       const words = new Uint32Array(await this.read(to, 48 * some)), floats = new Float32Array(words.buffer);
       for (let i = 0; i < some; ++i) {
         const at = 12 * i, leaf = words[at + 6]!, flags = words[at + 7]!, hit = leaf !== 0xffffffff;
@@ -237,8 +246,7 @@ class GpuRenderer implements Renderer {
       if (this.stage < 2) {
         const rows = Math.min(rays.height - this.row, Math.max(8, 8 * Math.floor((this.rowsPerMs * left) / 8)));
         const before = performance.now();
-        this.setUniforms({ ...values, row: this.row });
-        this.run(this.stage === 0 ? "primary" : "occlusion", Math.ceil(rays.width / 8), Math.ceil(rows / 8));
+        await this.run(this.stage === 0 ? "primary" : "occlusion", { ...values, row: this.row }, Math.ceil(rays.width / 8), Math.ceil(rows / 8));
         await this.device.queue.onSubmittedWorkDone();
         if (this.sample !== sample) return true;
         this.rowsPerMs = 0.5 * this.rowsPerMs + 0.5 * (rows / Math.max(0.1, performance.now() - before));
@@ -248,8 +256,7 @@ class GpuRenderer implements Renderer {
         this.stage += this.stage === 0 && !sample.occlusion ? 2 : 1;
         continue;
       }
-      this.setUniforms(values);
-      this.run("shade", Math.ceil(rays.width / 8), Math.ceil(rays.height / 8));
+      await this.run("shade", values, Math.ceil(rays.width / 8), Math.ceil(rays.height / 8));
       this.sample = null;
       return true;
     }
