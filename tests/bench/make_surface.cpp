@@ -74,7 +74,7 @@ int main(int argc, char** argv) {
       const std::uint32_t next = (i + 1) % columns, a = j * columns + i, b = j * columns + next,
                           c = a + columns, d = b + columns;
       const std::uint32_t corners[] = {a, b, c, b, d, c};
-      for (const std::size_t first : {0, 3}) {
+      for (const std::size_t first : {std::size_t{0}, std::size_t{3}}) {
         faces.push_back(3);
         const auto* bytes = reinterpret_cast<const char*>(corners + first);
         faces.insert(faces.end(), bytes, bytes + 3 * sizeof corners[0]);

@@ -21,7 +21,7 @@ namespace rbvh {
 namespace {
 
 using Json = nlohmann::json;
-constexpr int kInt8 = 5120, kUint8 = 5121, kInt16 = 5122, kUint16 = 5123, kUint32 = 5125, kFloat = 5126;
+constexpr int kUint8 = 5121, kInt16 = 5122, kUint16 = 5123, kUint32 = 5125, kFloat = 5126;
 
 /// A file in the making: arrays become accessors.
 struct Gltf {
