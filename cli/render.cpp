@@ -12,6 +12,7 @@
 #include "cli/stages.h"
 #include "io/cameras_file.h"
 #include "io/draw_text.h"
+#include "io/load_asset.h"
 #include "io/name_template.h"
 #include "io/output_file.h"
 #include "io/picture_sink.h"
@@ -151,7 +152,11 @@ class Renderer {
   // Once for all levels of a file. Says from where it is seen where nobody said so.
   void place(const Asset& asset, const Tracer& tracer) {
     const Resolution size = options_.camera.resolution;
-    placed_ = place_cameras(tracer, asset,
+    // The views that are tried reach all parts of a pair of parts, which may not be there together.
+    const std::optional<Asset> coarsest = load_coarsest(asset, context_.memory);
+    std::unique_ptr<Tracer> of_coarsest;
+    if (coarsest) of_coarsest = tracer_of(*coarsest, "", configs_[0]);
+    placed_ = place_cameras(coarsest ? *of_coarsest : tracer, asset,
                             {.words = words_,
                              .turns = options_.camera.turntable,
                              .view = options_.look.view,

@@ -176,6 +176,13 @@ Asset load_proxy_asset(const std::string& path, const LoadConfig& config) {
 
 }  // namespace
 
+std::optional<Asset> load_coarsest(const Asset& asset, const MemoryBudget& memory) {
+  if (asset.scene() == nullptr || asset.scene()->level.empty()) return std::nullopt;
+  LoadConfig config{.memory = memory};
+  config.levels = std::vector{read_parts(asset.path).levels.back().name};
+  return load_asset(asset.path, config);
+}
+
 Asset load_asset(const std::string& path, const LoadConfig& config, const Progress& progress) {
   Asset asset = is_parts(path) ? load_parts(path, config)
                 : is_rbvh(path)

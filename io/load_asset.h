@@ -1,6 +1,7 @@
 // Reads the parts of load_asset() by themselves.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "io/rbvh_file.h"
@@ -16,6 +17,9 @@ bool is_rbvh(const std::string& path);
 /// Reads a pair, its texels once it is known that there is memory for them.
 Rbvh load_pair(const std::string& path, const MemoryBudget& memory = {}, PairHeader* header = nullptr,
                const LevelFilter& choose = {});
+
+/// The coarsest level of a pair of parts, of which all parts are read soon; nothing for other assets.
+std::optional<Asset> load_coarsest(const Asset& asset, const MemoryBudget& memory = {});
 
 /// The scan that `pair` is to be measured against, in the pair's coordinates.
 Asset load_reference(const std::string& path, const Rbvh& pair, const MemoryBudget& memory = {},

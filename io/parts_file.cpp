@@ -9,6 +9,7 @@
 
 #include "io/hash.h"
 #include "io/input_file.h"
+#include "io/leftovers.h"
 #include "io/load_asset.h"
 #include "io/output_file.h"
 #include "io/posix_file.h"
@@ -218,7 +219,9 @@ void write_parts(const std::string& path, const PartsTable& table, bool overwrit
   OutputFile file(path, overwrite);
   file.write(std::string(kMagic) + std::string(kVersion) + " " + hash_digits(hash_bytes(body)) + "\n");
   file.write(body);
+  const std::vector<std::string> replaced = files_of_pair(path);
   file.commit();
+  remove_leftovers(replaced);
 }
 
 std::string part_path(const std::string& table_path, const PairPart& part) {

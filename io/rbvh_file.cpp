@@ -18,6 +18,7 @@
 #include "io/file_set.h"
 #include "io/hash.h"
 #include "io/input_file.h"
+#include "io/leftovers.h"
 #include "io/level_codec.h"
 #include "io/output_file.h"
 #include "io/parts_file.h"
@@ -399,7 +400,9 @@ RbvhBytes write_rbvh(const std::string& path, const Rbvh& rbvh, bool overwrite, 
   if (bytes.hierarchy + bytes.atlas > most_bytes) return bytes;
   out.hierarchy.write(std::as_bytes(std::span(buffer.data(), buffer.size())));
   const SetPart parts[] = {{&out.atlas, atlas_hash}};
+  const std::vector<std::string> replaced = files_of_parts(path);
   commit_set(out.hierarchy, parts);
+  remove_leftovers(replaced);
   return bytes;
 }
 

@@ -18,6 +18,7 @@ class LevelResidency {
 
   /// The tracer of an object that is on demand, until the next call. Throws as its load() does.
   const Tracer& tracer_of(std::uint32_t object);
+  bool has(std::uint32_t object) const { return residents_[object].tracer != nullptr; }
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t loads() const { return loads_; }
 

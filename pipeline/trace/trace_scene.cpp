@@ -35,6 +35,7 @@ struct SceneTracerState {
   Buffer<Hit> placed_hits;
   Buffer<std::uint32_t> placed_steps;
 
+  bool is_there(std::uint32_t at) const { return tracers[at] != nullptr || on_demand->has(objects[at]); }
   const Tracer& tracer(std::uint32_t at) {
     return tracers[at] != nullptr ? *tracers[at] : on_demand->tracer_of(objects[at]);
   }
@@ -122,11 +123,17 @@ void trace_placed(const SceneTracer& tracer, const Buffer<Ray>& rays, const Buff
     const RoundCounts counts = read_counts(queue, round);
     if (counts.items == 0) return;
     sort_items(device, queue, counts.items, bits_for(state.tracers.size()));
-    for (std::uint32_t begin = 0, end = 0; begin < counts.items; begin = end) {
-      const std::uint32_t number = queue.host_keys[begin];
-      end = end_of_run(queue.host_keys, begin);
+    struct Run {
+      std::uint32_t number, begin, end;
+    };
+    std::vector<Run> runs;
+    for (std::uint32_t begin = 0; begin < counts.items; begin = runs.back().end)
+      runs.push_back({queue.host_keys[begin], begin, end_of_run(queue.host_keys, begin)});
+    // First those that are there: in one order round for round, each would leave just before its next use.
+    std::stable_partition(runs.begin(), runs.end(),
+                          [&](const Run& run) { return state.is_there(run.number); });
+    for (const auto& [number, begin, end] : runs)
       trace_items(tracer, rays, hits, number, begin, end, query, steps.size() > 0);
-    }
     active = take_nearest(device, queue, round, counts.listed, query == RayQuery::kAny, {}, hits, steps);
   }
 }
@@ -239,8 +246,14 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
           .push_back(i);
   SurfaceSamples all;
   all.normals.resize(hits.size());
-  for (std::size_t k = 0; k < pixels.size(); ++k) {
-    if (pixels[k].empty()) continue;
+  std::vector<std::size_t> order;  // first those that are there
+  for (std::size_t k = 0; k < pixels.size(); ++k)
+    if (!pixels[k].empty()) order.push_back(k);
+  std::stable_partition(order.begin(), order.end(), [&](std::size_t k) {
+    const std::uint32_t object = scene.instances[k].object;
+    return scene.objects[object].proxy() != nullptr || state->is_there(state->number[object]);
+  });
+  for (const std::size_t k : order) {
     const SceneInstance& instance = scene.instances[k];
     if (scene.objects[instance.object].proxy() != nullptr) {
       for (const std::size_t i : pixels[k])

@@ -95,6 +95,31 @@ TEST_F(ChunksToolTest, StagesTakePartsOrSaySo) {
   bad("info a.rbvh", 3, "cut or damaged");
 }
 
+TEST_F(ChunksToolTest, PairsAndTablesLeaveNothingOfEachOther) {
+  write_ply(path("scan.ply"), bumpy_sphere(30), true);
+  const std::string whole = "build scan.ply --levels Q3 -o a.rbvh -f", parts = whole + " --chunks 2";
+  good(whole);
+  good(parts);
+  EXPECT_FALSE(fs::exists(path("a.atlas.tif")));
+  good("validate a.rbvh");
+  good(whole);
+  EXPECT_EQ(files(), "a.atlas.tif a.rbvh scan.ply");
+  // What is not its own stays: an atlas of another pair, a file in the folder, another's parts.
+  std::ofstream(path("a.atlas.tif"), std::ios::app) << "more";
+  good(parts);
+  EXPECT_TRUE(fs::exists(path("a.atlas.tif")));
+  fs::path folder;
+  for (const auto& entry : fs::directory_iterator(path(".")))
+    if (entry.is_directory()) folder = entry.path();
+  std::ofstream(folder / "mine.txt") << "mine";
+  fs::copy_file(path("a.rbvh"), path("b.rbvh"));
+  good("build scan.ply --levels Q3 -o b.rbvh -f");
+  good("validate a.rbvh");
+  good(whole);
+  EXPECT_TRUE(fs::exists(folder / "mine.txt"));
+  EXPECT_FALSE(fs::exists(folder / "0000.rbvh"));
+}
+
 TEST_F(ChunksToolTest, RefusesInOneLine) {
   const Scan sphere = bumpy_sphere(40);
   write_ply(path("scan.ply"), sphere, true);
