@@ -247,6 +247,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
   SurfaceSamples all;
   all.normals.resize(hits.size());
   std::vector<std::size_t> order;  // first those that are there
+  order.reserve(pixels.size());
   for (std::size_t k = 0; k < pixels.size(); ++k)
     if (!pixels[k].empty()) order.push_back(k);
   std::stable_partition(order.begin(), order.end(), [&](std::size_t k) {
