@@ -57,6 +57,9 @@ struct Tracer {
   /// Bytes on the device, caches at their limit.
   virtual std::uint64_t memory() const = 0;
 
+  /// Whether parts of it are read while it is cast: few large batches are better than many small ones.
+  virtual bool is_on_demand() const { return false; }
+
  protected:
   Tracer(const Tracer&) = default;
   Tracer& operator=(const Tracer&) = default;

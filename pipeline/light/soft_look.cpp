@@ -181,7 +181,7 @@ Image render_soft(const Tracer& primary, const Tracer& secondary, const Camera& 
     const std::vector<Hit>& hits = seen.cast(primary, rays);
     timings.trace += watch.lap();
     timings.rays += hits.size();
-    for (const Band band : bands(config.width, config.height)) {
+    for (const Band band : bands(secondary, config.width, config.height)) {
       const std::size_t first = band.first * config.width;
       const auto shown = std::span(hits).subspan(first, band.rows * config.width);
       SurfaceSamples surface = primary.surface(shown, sample_spread(rays, samples));

@@ -40,7 +40,7 @@ Image render(const Tracer& tracer, const Camera& camera, const RenderConfig& con
     times.trace += watch.lap();
     times.rays += hits.size();
     if (is_shaded) {
-      for (const Band band : bands(config.width, config.height)) {
+      for (const Band band : bands(tracer, config.width, config.height)) {
         const auto shown = std::span(hits).subspan(band.first * config.width, band.rows * config.width);
         SurfaceSamples surface = tracer.surface(shown, sample_spread(rays, samples));
         if (config.colors) surface.colors = config.colors(shown);

@@ -121,7 +121,8 @@ Vec3f to_key_light(const CameraRays& rays) {
   return normalized(forward * -0.75f + image_up * 0.5f - image_right * 0.4f);
 }
 
-std::vector<Band> bands(std::size_t width, std::size_t height) {
+std::vector<Band> bands(const Tracer& tracer, std::size_t width, std::size_t height) {
+  if (tracer.is_on_demand()) return {{0, height}};
   constexpr std::size_t kPixels = 1 << 17;
   const std::size_t rows = std::max<std::size_t>(kRows, kPixels / std::max<std::size_t>(1, width));
   std::vector<Band> all;

@@ -16,8 +16,9 @@ struct Band {
   std::size_t first = 0, rows = 0;
 };
 
-/// A picture is shaded in bands, whose samples stay in the cache and take little memory.
-std::vector<Band> bands(std::size_t width, std::size_t height);
+/// A picture is shaded in bands, whose samples stay in the cache and take little memory; in one where the
+/// tracer is on demand.
+std::vector<Band> bands(const Tracer& tracer, std::size_t width, std::size_t height);
 
 /// A headlight and a soft sky on clay (or the surface's own colours), from both sides, on a transparent
 /// background; valleys and depth steps are darkened by the depth of the pixels around. R, G, B, A; `up` is

@@ -49,6 +49,7 @@ struct FrontTracer final : Tracer {
     return of->surface(hits, spread);
   }
   std::uint64_t memory() const override { return of->memory(); }
+  bool is_on_demand() const override { return of->is_on_demand(); }
 
  private:
   static bool is_back(const Hit& hit) {

@@ -285,6 +285,8 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
   return all;
 }
 
+bool SceneTracer::is_on_demand() const { return state->on_demand.has_value(); }
+
 std::uint64_t SceneTracer::memory() const {
   std::uint64_t total = state->nodes.size_bytes() + state->placements.size_bytes();
   for (const std::unique_ptr<Tracer>& tracer : state->tracers)

@@ -38,6 +38,7 @@ struct SceneTracer final : Tracer {
   /// By each object's own normals and colours.
   SurfaceSamples surface(std::span<const Hit> hits, float spread) const override;
   std::uint64_t memory() const override;
+  bool is_on_demand() const override;
 };
 
 /// Throws as the tracers of its objects do.
