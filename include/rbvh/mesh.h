@@ -23,9 +23,10 @@ struct LevelMeshCounts {
 };
 
 /// The pair's level of that name, the finest for an empty one, with normals and, where the pair has them,
-/// colours or a texture (of which the image's file is not made): triangles with shared vertices, closed where the level's surface is, up to the edges counted in
-/// `counts`; of a cloud points with radii. Deterministic. Throws Error(kUsage) for an asset that is no pair
-/// and for a level that is not there, Error(kInput) for a level without a surface.
+/// colours or a texture (of which the image's file is not made): triangles with shared vertices, closed where
+/// the level's surface is, up to the edges counted in `counts`; of a cloud points with radii. Deterministic.
+/// Throws Error(kUsage) for an asset that is no pair and for a level that is not there, Error(kInput) for a
+/// level without a surface.
 Scan level_mesh(const Asset& pair, const std::string& level = {}, LevelMeshCounts* counts = nullptr);
 
 }  // namespace rbvh
