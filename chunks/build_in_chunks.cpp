@@ -279,13 +279,7 @@ bool fits_memory(std::uint64_t bytes, std::uint64_t vertices, std::uint64_t prim
 
 bool fits_memory(const std::vector<std::string>& inputs, const BuildConfig& config,
                  const MemoryBudget& memory) {
-  ScanSize all;
-  for (const std::string& input : inputs) {
-    const ScanSize size = estimate_size(input);
-    all.bytes += size.bytes;
-    all.vertices += size.vertices;
-    all.primitives += size.primitives;
-  }
+  const ScanSize all = estimate_size(inputs);
   return fits_memory(all.bytes, all.vertices, all.primitives, config, memory);
 }
 
@@ -295,20 +289,14 @@ ChunkSource open_chunk_source(const std::vector<std::string>& inputs, const std:
     if (std::optional<BigPly> ply = open_big_ply(inputs[0]); ply && is_gathered(*ply))
       return {std::move(*ply), {}, {}};
   check_chunk_output(output, chunks.overwrite);
-  ScanSize all;
+  const ScanSize all = estimate_size(inputs);
   std::string words = std::string(version()) + " " + std::to_string(chunks.chunks) + " " +
                       std::to_string(chunks.chunks > 0 ? 0 : memory_limit(chunks.memory));
   std::uint64_t hash = 0;
   for (const std::string& input : inputs) {
-    std::error_code code;
-    if (!std::filesystem::is_regular_file(input, code))
-      throw Error(ErrorKind::kInput, input_name(input), "is read twice in a build in chunks; name a file");
+    check_is_file(input);
     hash = hash_file(input);
     words += " " + hash_digits(hash);
-    const ScanSize size = estimate_size(input);
-    all.bytes += size.bytes;
-    all.vertices += size.vertices;
-    all.primitives += size.primitives;
   }
   const std::uint64_t key = hash_bytes(words);
   ChunkSource source;

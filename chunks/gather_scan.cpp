@@ -318,6 +318,20 @@ bool gather_inputs(const std::vector<std::string>& inputs, const MemoryBudget& m
   return corners_apart;
 }
 
+ScanSize estimate_size(const std::string& input) {
+  ScanSize size;
+  std::error_code code;
+  size.bytes = fs::file_size(input, code);
+  if (code || !can_be_in_pieces(input)) return {};
+  if (const std::optional<BigPly> ply = open_big_ply(input))
+    return {ply->bytes, ply->vertices.count, ply->primitives()};
+  const std::string extension = lower(fs::path(input).extension().string());
+  const bool is_obj = extension == ".obj", is_stl = extension == ".stl";
+  size.primitives = size.bytes / (is_obj || is_stl ? 50 : 20);  // usual lines, triangles and points
+  size.vertices = is_obj ? size.primitives / 2 : is_stl ? 3 * size.primitives : size.primitives;
+  return size;
+}
+
 }  // namespace
 
 GatheredScan gather_scan(const std::vector<std::string>& inputs, const std::string& folder,
@@ -352,18 +366,15 @@ GatheredScan gather_scan(const std::vector<std::string>& inputs, const std::stri
   return open_gathered(inputs, folder, name, std::move(notes));
 }
 
-ScanSize estimate_size(const std::string& input) {
-  ScanSize size;
-  std::error_code code;
-  size.bytes = fs::file_size(input, code);
-  if (code || !can_be_in_pieces(input)) return {};
-  if (const std::optional<BigPly> ply = open_big_ply(input))
-    return {ply->bytes, ply->vertices.count, ply->primitives()};
-  const std::string extension = lower(fs::path(input).extension().string());
-  const bool is_obj = extension == ".obj", is_stl = extension == ".stl";
-  size.primitives = size.bytes / (is_obj || is_stl ? 50 : 20);  // usual lines, triangles and points
-  size.vertices = is_obj ? size.primitives / 2 : is_stl ? 3 * size.primitives : size.primitives;
-  return size;
+ScanSize estimate_size(const std::vector<std::string>& inputs) {
+  ScanSize all;
+  for (const std::string& input : inputs) {
+    const ScanSize size = estimate_size(input);
+    all.bytes += size.bytes;
+    all.vertices += size.vertices;
+    all.primitives += size.primitives;
+  }
+  return all;
 }
 
 bool is_gathered(const BigPly& ply) { return !ply.is_cloud() || (ply.has_normals && ply.has_radii); }

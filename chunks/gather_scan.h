@@ -18,12 +18,12 @@ struct GatheredScan {
 /// Whether a file is such a PLY as it is.
 bool is_gathered(const BigPly& ply);
 
-/// About the vertices and primitives that a file has, by its header or its size; 0 for one that is not read
-/// in pieces.
+/// About the vertices and primitives that files have, by their headers or sizes; 0 for those that are not
+/// read in pieces.
 struct ScanSize {
   std::uint64_t bytes = 0, vertices = 0, primitives = 0;
 };
-ScanSize estimate_size(const std::string& input);
+ScanSize estimate_size(const std::vector<std::string>& inputs);
 
 /// Writes FOLDER/scan.ply, or takes what is there. Each input is an object of its own where there are
 /// several. Throws Error(kInput) also for meshes and clouds together, and for different units;

@@ -139,6 +139,9 @@ void run_build(Context& context, const BuildOptions& given) {
   const std::optional<FocusWords> focus = focus_words(options);
   BuildConfig config = options.config;
   config.levels = named_levels(options);
+  if (options.files.size() > 1 && context.output.find('{') != std::string::npos)
+    throw Error(ErrorKind::kUsage, context.output,
+                "several scans become one pair, of one name; rbvh batch builds a pair of each");
   check_paths_differ(context, options.files, {context.output, atlas_path(context.output)});
   check_pair_output(context);
   if (options.chunks > 0 || !fits_memory(options.files, config, context.memory))

@@ -10,6 +10,7 @@
 #include "io/report_text.h"
 #include "io/scan_io.h"
 #include "io/texture_files.h"
+#include "pipeline/base/error.h"
 #include "pipeline/scan/ingest.h"
 
 namespace rbvh {
@@ -29,6 +30,13 @@ SourceScan load_source(const std::string& path, const MemoryBudget& memory) {
   return source;
 }
 
+void check_is_file(const std::string& path) {
+  std::error_code code;
+  const std::filesystem::file_status status = std::filesystem::status(path, code);
+  if (path == "-" || (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)))
+    throw Error(ErrorKind::kInput, input_name(path), "cannot be read twice, as is wanted here; name a file");
+}
+
 std::string joined_name(const std::vector<std::string>& inputs) {
   return inputs.size() == 1 ? input_name(inputs[0])
                             : input_name(inputs[0]) + " and " + std::to_string(inputs.size() - 1) + " more";
@@ -41,6 +49,7 @@ SourceScan load_sources(const std::vector<std::string>& paths, const MemoryBudge
   source.name = source_name(joined_name(paths));
   std::string hashes;
   for (const std::string& path : paths) {
+    check_is_file(path);
     hashes += hash_digits(hash_file(path));
     source.bytes += std::filesystem::file_size(path);
   }

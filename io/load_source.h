@@ -22,6 +22,9 @@ struct SourceScan {
 /// Throws Error(kInput), also where nothing finite is left or all points are equal; Error(kBudget).
 SourceScan load_source(const std::string& path, const MemoryBudget& memory = {});
 
+/// Throws Error(kInput) for what cannot be read twice: standard input and pipes.
+void check_is_file(const std::string& path);
+
 /// How several inputs are named as one.
 std::string joined_name(const std::vector<std::string>& inputs);
 

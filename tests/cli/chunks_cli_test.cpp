@@ -125,6 +125,7 @@ TEST_F(ChunksToolTest, RefusesInOneLine) {
   write_ply(path("scan.ply"), sphere, true);
   const std::string bytes = read("scan.ply");
   std::ofstream(path("cut.ply"), std::ios::binary) << bytes.substr(0, bytes.size() - 100);
+  bad("build scan.ply - -o c.rbvh < /dev/null", 3, "standard input: cannot be read twice");
   bad("build cut.ply --chunks 2 -o a.rbvh", 3, "the file is cut in face");
   std::ofstream(path("short.ply"), std::ios::binary) << bytes.substr(0, 4000);
   bad("build short.ply --chunks 2 -o a.rbvh", 3, "the file is cut in vertex");

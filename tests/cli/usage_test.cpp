@@ -75,6 +75,7 @@ TEST_F(Usage, ErrorsNameTheStageAndTheOption) {
   expect_usage_error("build a.ply -o b.rbvh --refinement best", "--refinement");
   expect_usage_error("build a.ply -o b.rbvh --hybrid maybe", "--hybrid");
   expect_usage_error("trace a.ply extra.ply --rays r.npy -o b.npy", "extra.ply");
+  expect_usage_error("build a.ply b.ply -o {name}.rbvh", "rbvh batch");
   expect_usage_error("trace a.ply -o h.npy", "--rays");
   expect_usage_error("render a.ply -o a.png --tracer best", "wide16");
   expect_usage_error("render a.ply -o a.png --builder best", "sah-binned");
