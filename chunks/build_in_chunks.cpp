@@ -37,8 +37,9 @@ constexpr double kWhole = 1.8, kUneven = 2.5;
 constexpr std::uint32_t kMostChunks = 256;  // each has a file open while the scan is sorted
 /// Of the scan's primitives, bytes of the result, at most, as measured.
 constexpr std::uint64_t kResultBytesPerPrimitive = 12;
-/// What gathering a scan takes on the disk: its vertices, then the scan; those of a cloud in cells as well.
-constexpr std::uint64_t kGatherBytesPerVertex = 48 + 31 + 26, kGatherBytesPerFace = 16 + 17;
+/// What gathering a scan takes on the disk: its vertices and faces, polygons anew, then the scan; those of a
+/// cloud in cells as well.
+constexpr std::uint64_t kGatherBytesPerVertex = 48 + 31 + 26, kGatherBytesPerFace = 20 + 20 + 17;
 /// Tiles go on over what is not farther than so many of their texels.
 constexpr float kMarginTexels = 4;
 

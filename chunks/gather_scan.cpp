@@ -16,6 +16,7 @@
 #include "io/proxy_file.h"
 #include "pipeline/base/error.h"
 #include "pipeline/base/text.h"
+#include "pipeline/scan/cut_polygons.h"
 #include "pipeline/scan/float_shift.h"
 #include "pipeline/scan/normals.h"
 
@@ -24,12 +25,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char *kVertices = "vertices.work", *kFaces = "faces.work";
+constexpr const char *kVertices = "vertices.work", *kFaces = "faces.work", *kCutFaces = "cut.work";
 /// The result; of triangles that share no vertices under a name of its own.
+constexpr const char* kNoFaces = "no face is left after cleaning";
 constexpr const char *kShared = "scan.ply", *kApart = "triangles.ply";
 
 std::string in_folder(const std::string& folder, const char* name) {
   return (fs::path(folder) / name).string();
+}
+
+bool is_flat(const WorkFace& face) {
+  const auto& [a, b, c] = face.corners;
+  return a == b || b == c || c == a;
 }
 
 /// The inputs one after the other, as files of all their vertices and faces.
@@ -47,7 +54,8 @@ class Gatherer {
     first_id_ = has_ids_ && last_id_ >= 0 ? last_id_ + 1 : 0;
     largest_corner_ = 0;
   }
-  void add(RawScan&& piece) {
+  void add(ScanPiece&& all) {
+    const RawScan& piece = all.scan;
     if (!is_begun_) {
       shift = piece.shift;
       units = piece.units;
@@ -56,7 +64,7 @@ class Gatherer {
       throw Error(ErrorKind::kInput, path_, "the inputs state different units; ingest them one by one");
     is_begun_ = true;
     add_vertices(piece);
-    add_faces(piece);
+    add_faces(all);
   }
   void end_input() {
     if (vertices == first_vertex_) throw Error(ErrorKind::kInput, path_, "has no vertices");
@@ -82,6 +90,7 @@ class Gatherer {
   Vec3d shift{};
   std::string units;
   Bounds3d box;
+  bool has_polygons = false;
   bool has_ids() const { return has_ids_; }
 
  private:
@@ -143,16 +152,21 @@ class Gatherer {
     }
   }
 
-  void add_faces(const RawScan& piece) {
+  void add_faces(const ScanPiece& all) {
+    const RawScan& piece = all.scan;
+    bool is_inside = false;  // a polygon that began before
     for (std::size_t i = 0; i < piece.triangles.size(); ++i) {
-      WorkFace face{piece.triangles[i], id_of(piece.object_ids, i)};
+      const std::uint32_t fan = all.fans.empty() ? 1 : all.fans[i];
+      WorkFace face{piece.triangles[i], id_of(piece.object_ids, i), fan};
       for (std::uint32_t& corner : face.corners) {
         largest_corner_ = std::max<std::uint64_t>(largest_corner_, corner);
         corner = static_cast<std::uint32_t>(
             std::min<std::uint64_t>(first_vertex_ + corner, std::numeric_limits<std::uint32_t>::max()));
       }
-      const auto& [a, b, c] = face.corners;
-      if (a == b || b == c || c == a) {
+      const bool is_polygon = is_inside || fan > 1;
+      is_inside = fan > 1;
+      has_polygons |= is_polygon;
+      if (!is_polygon && is_flat(face)) {
         ++flat;
         continue;
       }
@@ -200,6 +214,74 @@ struct Sink {
     file.write(bytes);
     file.commit();
   }
+};
+
+/// Cuts polygons that a fan does not fill, now that all vertices are known, and leaves out what has no area.
+class PolygonPass {
+ public:
+  PolygonPass(const Gatherer& all, std::uint64_t cache_bytes, const std::string& folder)
+      : vertices_(open_work_vertices(in_folder(folder, kVertices), all.vertices, folder)),
+        positions_(vertices_, float_shift(all.box), cache_bytes),
+        not_finite_(all.not_finite),
+        out_(in_folder(folder, kCutFaces)) {}
+
+  void add(const WorkFace& face) {
+    batch_.push_back(face);
+    if (face.fan <= 1 && batch_.size() >= kBatch) flush();
+  }
+  void commit() {
+    flush();
+    out_.commit();
+  }
+
+  PolygonFaults faults;
+  std::uint64_t faces = 0, flat = 0;
+
+ private:
+  static constexpr std::size_t kBatch = 1 << 15;
+  static constexpr Vec3d kNowhere{std::numeric_limits<double>::quiet_NaN(), 0, 0};
+
+  void flush() {
+    Fans fans;
+    std::vector<Triangle> triangles;  // by numbers of `points`
+    std::vector<std::uint32_t> vertices;
+    std::vector<Vec3d> points;
+    for (std::size_t i = 0; i < batch_.size(); ++i) {
+      for (const std::uint32_t corner : batch_[i].corners) {
+        vertices.push_back(corner);
+        const bool is_lost = std::binary_search(not_finite_.begin(), not_finite_.end(), corner);
+        points.push_back(is_lost ? kNowhere : Vec3d(positions_.at(corner)));
+      }
+    }
+    for (std::size_t i = 0, count = 1; i < batch_.size(); i += count) {
+      count = batch_[i].fan;
+      for (std::size_t k = i; k < i + count; ++k) {
+        const auto first = static_cast<std::uint32_t>(3 * k);
+        triangles.push_back({first, first + 1, first + 2});
+      }
+      fans.add(triangles.size(), count);
+    }
+    const PolygonFaults found = fans.cut_again(points, triangles);
+    faults.crossing += found.crossing;
+    faults.too_many += found.too_many;
+    for (std::size_t i = 0; i < batch_.size(); ++i) {
+      for (std::size_t c = 0; c < 3; ++c) batch_[i].corners[c] = vertices[triangles[i][c]];
+      batch_[i].fan = 1;
+      if (is_flat(batch_[i])) {
+        ++flat;
+        continue;
+      }
+      out_.put(batch_[i]);
+      ++faces;
+    }
+    batch_.clear();
+  }
+
+  BigPly vertices_;
+  VertexCache positions_;
+  const std::vector<std::uint32_t>& not_finite_;  // ascend
+  Sink out_;
+  std::vector<WorkFace> batch_;
 };
 
 /// Which columns scan.ply has, and how many entries.
@@ -308,7 +390,7 @@ bool gather_inputs(const std::vector<std::string>& inputs, const MemoryBudget& m
     refuse_proxy(inputs[i]);
     to.begin_input(inputs[i]);
     const PiecesRead read =
-        read_in_pieces(inputs[i], memory, [&](RawScan&& piece) { to.add(std::move(piece)); });
+        read_in_pieces(inputs[i], memory, [&](ScanPiece&& piece) { to.add(std::move(piece)); });
     to.end_input();
     corners_apart &= read.corners_apart;
     for (const std::string& note : read.notes) notes.push_back(input_name(inputs[i]) + ": " + note);
@@ -332,6 +414,17 @@ ScanSize estimate_size(const std::string& input) {
   return size;
 }
 
+void cut_polygons(Gatherer& all, const std::string& folder, const MemoryBudget& memory,
+                  std::vector<std::string>& notes) {
+  PolygonPass pass(all, memory_limit(memory) / 4, folder);
+  for_each_entry<WorkFace>(in_folder(folder, kFaces), [&](const WorkFace& face) { pass.add(face); });
+  pass.commit();
+  fs::rename(in_folder(folder, kCutFaces), in_folder(folder, kFaces));
+  all.faces = pass.faces;
+  all.flat += pass.flat;
+  add_notes(pass.faults, notes);
+}
+
 }  // namespace
 
 GatheredScan gather_scan(const std::vector<std::string>& inputs, const std::string& folder,
@@ -344,6 +437,10 @@ GatheredScan gather_scan(const std::vector<std::string>& inputs, const std::stri
   const bool corners_apart = gather_inputs(inputs, chunks.memory, all, notes, progress);
   if (all.box.empty())
     throw Error(ErrorKind::kInput, joined_name(inputs), "has no point with finite coordinates");
+  if (all.has_polygons) {
+    cut_polygons(all, folder, chunks.memory, notes);
+    if (all.faces == 0) throw Error(ErrorKind::kInput, joined_name(inputs), kNoFaces);
+  }
   CompletedCells completed;
   if (all.faces == 0 && all.without_normal + all.without_radius > 0)
     completed =
@@ -356,8 +453,7 @@ GatheredScan gather_scan(const std::vector<std::string>& inputs, const std::stri
     for_each_entry<WorkFace>(in_folder(folder, kFaces),
                              [&](const WorkFace& face) { plan.faces += is_kept(face, all.not_finite); });
   }
-  if (all.faces > 0 && plan.faces == 0)
-    throw Error(ErrorKind::kInput, joined_name(inputs), "no face is left after cleaning");
+  if (all.faces > 0 && plan.faces == 0) throw Error(ErrorKind::kInput, joined_name(inputs), kNoFaces);
   note_counts(all, completed, notes);
   const char* const name = corners_apart ? kApart : kShared;
   write_scan_ply(folder, name, plan, all.not_finite);

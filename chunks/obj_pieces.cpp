@@ -17,8 +17,8 @@ class ObjPieces {
  public:
   explicit ObjPieces(const std::string& file) : file_(file) {}
 
-  RawScan read(std::string_view lines) {
-    RawScan piece;
+  ScanPiece read(std::string_view lines) {
+    ScanPiece piece;
     ObjGrammar in(lines, file_);
     while (in.next())
       if (!in.is_comment()) statement(in, piece);
@@ -30,7 +30,6 @@ class ObjPieces {
     const auto add = [&](std::uint64_t count, const char* what) {
       if (count > 0) read.notes.push_back(std::to_string(count) + what);
     };
-    add(polygons_, " polygons of more than three corners were cut as fans");
     add(short_faces_, " faces with fewer than three corners were left out");
     add(colors_, " vertices' colours are not kept where a scan is read in pieces");
     for (const auto& [key, count] : dropped_)
@@ -39,13 +38,13 @@ class ObjPieces {
   }
 
  private:
-  void statement(ObjGrammar& in, RawScan& piece) {
+  void statement(ObjGrammar& in, ScanPiece& piece) {
     const std::string_view key = in.key();
     if (key == "v") {
       double values[8];
       const int count = in.all_numbers(values, 8);
       if (count < 3) in.fail("a vertex needs three numbers");
-      piece.positions.push_back({values[0], values[1], values[2]});
+      piece.scan.positions.push_back({values[0], values[1], values[2]});
       ++vertices_;
       colors_ += count >= 6;
     } else if (key == "f" || key == "fo") {
@@ -60,7 +59,7 @@ class ObjPieces {
     }
   }
 
-  void face(ObjGrammar& in, RawScan& piece) {
+  void face(ObjGrammar& in, ScanPiece& piece) {
     std::vector<std::uint32_t> corners;
     for (ObjCorner corner; in.corner(corner);) {
       const std::int64_t vertex = in.index(corner.vertex, static_cast<std::size_t>(vertices_));
@@ -71,16 +70,16 @@ class ObjPieces {
       ++short_faces_;
       return;
     }
-    polygons_ += corners.size() > 3;
     if (!id_) id_ = ids_.try_emplace({object_, group_}, static_cast<std::int32_t>(ids_.size())).first->second;
     for (std::size_t i = 2; i < corners.size(); ++i) {
-      piece.triangles.push_back({corners[0], corners[i - 1], corners[i]});
-      piece.object_ids.push_back(*id_);
+      piece.scan.triangles.push_back({corners[0], corners[i - 1], corners[i]});
+      piece.scan.object_ids.push_back(*id_);
+      piece.fans.push_back(static_cast<std::uint32_t>(corners.size() - i));
     }
   }
 
   const std::string& file_;
-  std::uint64_t vertices_ = 0, short_faces_ = 0, polygons_ = 0, colors_ = 0;
+  std::uint64_t vertices_ = 0, short_faces_ = 0, colors_ = 0;
   std::string object_, group_;
   std::optional<std::int32_t> id_;
   std::map<std::pair<std::string, std::string>, std::int32_t> ids_;

@@ -5,7 +5,7 @@
 
 namespace rbvh {
 
-/// Positions and faces, each `o` and `g` an object of its own; polygons become fans.
+/// Positions and faces, each `o` and `g` an object of its own.
 PiecesRead read_obj_in_pieces(const std::string& path, const VisitPiece& visit);
 
 }  // namespace rbvh

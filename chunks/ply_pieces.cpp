@@ -28,12 +28,10 @@ std::string header_of(const ply::Header& header, std::uint64_t count) {
   return text + "end_header\n";
 }
 
-struct FaceCounts {
-  std::uint64_t too_short = 0, polygons = 0;
-};
-
+/// `too_short`: counts faces with fewer than three corners.
 template <class Source>
-void read_face(Source& in, const ply::Header& header, RawScan& piece, FaceCounts& counts) {
+void read_face(Source& in, const ply::Header& header, ScanPiece& all, std::uint64_t& too_short) {
+  RawScan& piece = all.scan;
   const auto vertices = static_cast<std::int64_t>(header.elements[0].count);
   const std::size_t before = piece.triangles.size();
   std::int32_t id = 0;
@@ -49,8 +47,7 @@ void read_face(Source& in, const ply::Header& header, RawScan& piece, FaceCounts
     }
     const std::int64_t length = in.integer(property.count_type);
     if (length < 0) in.fail("a list of negative length");
-    counts.too_short += length < 3;
-    counts.polygons += length > 3;
+    too_short += length < 3;
     std::uint32_t first = 0, last = 0;
     for (std::int64_t i = 0; i < length; ++i) {
       const std::int64_t index = in.integer(property.type);
@@ -59,7 +56,10 @@ void read_face(Source& in, const ply::Header& header, RawScan& piece, FaceCounts
                 std::to_string(vertices) + " vertices)");
       const auto corner = static_cast<std::uint32_t>(index);
       if (i == 0) first = corner;
-      if (i >= 2) piece.triangles.push_back({first, last, corner});
+      if (i >= 2) {
+        piece.triangles.push_back({first, last, corner});
+        all.fans.push_back(static_cast<std::uint32_t>(std::min<std::int64_t>(length - i, UINT32_MAX)));
+      }
       last = corner;
     }
   }
@@ -70,9 +70,9 @@ void read_face(Source& in, const ply::Header& header, RawScan& piece, FaceCounts
 }
 
 /// Sets what holds for the file in a piece of it.
-RawScan with_header(RawScan&& piece, const ply::Header& header) {
-  piece.shift = header.shift;
-  piece.units = header.units;
+ScanPiece with_header(ScanPiece&& piece, const ply::Header& header) {
+  piece.scan.shift = header.shift;
+  piece.scan.units = header.units;
   return std::move(piece);
 }
 
@@ -120,7 +120,7 @@ class EntryLines {
 }
 
 void read_text(const std::string& path, const ply::Header& header, const VisitPiece& visit,
-               FaceCounts& counts) {
+               std::uint64_t& too_short) {
   EntryLines entries(path);
   entries.skip_bytes(header.size);
   std::string_view lines;
@@ -136,16 +136,17 @@ void read_text(const std::string& path, const ply::Header& header, const VisitPi
         const std::string begin = header_of(header, count);
         const auto own = static_cast<std::uint64_t>(std::count(begin.begin(), begin.end(), '\n'));
         visit(with_header(
-            from_line(first_line - own, [&] { return read_ply(begin + std::string(lines), path); }), header));
+            {from_line(first_line - own, [&] { return read_ply(begin + std::string(lines), path); }), {}},
+            header));
       } else {
-        RawScan piece;
+        ScanPiece piece;
         from_line(first_line, [&] {
           ply::AsciiSource in(lines, 0, path);
           for (std::uint64_t i = 0; i < count; ++i) {
             in.place = {&element, done + i};
-            read_face(in, header, piece, counts);
+            read_face(in, header, piece, too_short);
           }
-          in.check_end({}, piece.notes);
+          in.check_end({}, piece.scan.notes);
         });
         visit(with_header(std::move(piece), header));
       }
@@ -173,7 +174,7 @@ struct Window {
 
 template <class Source>
 void read_bytes(const std::string& path, const ply::Header& header, const VisitPiece& visit,
-                FaceCounts& counts) {
+                std::uint64_t& too_short) {
   Window window(path);
   window.move(0);
   std::size_t used = header.size, entry = 0;
@@ -185,7 +186,7 @@ void read_bytes(const std::string& path, const ply::Header& header, const VisitP
         std::min<std::uint64_t>(vertices.count - done, window.bytes.size() / std::max<std::size_t>(1, entry));
     if (count == 0) fail_cut(path, vertices, done);
     used = static_cast<std::size_t>(count) * entry;
-    visit(with_header(read_ply(header_of(header, count) + window.bytes.substr(0, used), path), header));
+    visit(with_header({read_ply(header_of(header, count) + window.bytes.substr(0, used), path), {}}, header));
     done += count;
   }
   if (header.elements.size() < 2) return;
@@ -193,10 +194,10 @@ void read_bytes(const std::string& path, const ply::Header& header, const VisitP
   for (std::uint64_t done = 0; done < faces.count;) {
     window.move(std::exchange(used, 0));
     Source in(window.bytes, 0, path);
-    RawScan piece;
+    ScanPiece piece;
     for (; done < faces.count && (window.is_at_end || in.available() >= kMostEntry); ++done) {
       in.place = {&faces, done};
-      read_face(in, header, piece, counts);
+      read_face(in, header, piece, too_short);
     }
     used = window.bytes.size() - static_cast<std::size_t>(in.available());
     visit(with_header(std::move(piece), header));
@@ -238,25 +239,21 @@ bool is_in_pieces(const ply::Header& header) {
 }
 
 PiecesRead read_ply_in_pieces(const std::string& path, const ply::Header& header, const VisitPiece& visit) {
-  FaceCounts counts;
+  std::uint64_t too_short = 0;
   switch (header.format) {
     case ply::Format::kAscii:
-      read_text(path, header, visit, counts);
+      read_text(path, header, visit, too_short);
       break;
     case ply::Format::kLittleEndian:
-      read_bytes<ply::BinarySource<false>>(path, header, visit, counts);
+      read_bytes<ply::BinarySource<false>>(path, header, visit, too_short);
       break;
     case ply::Format::kBigEndian:
-      read_bytes<ply::BinarySource<true>>(path, header, visit, counts);
+      read_bytes<ply::BinarySource<true>>(path, header, visit, too_short);
       break;
   }
   PiecesRead read;
-  if (counts.polygons > 0)
-    read.notes.push_back(std::to_string(counts.polygons) +
-                         " polygons of more than three corners were cut as fans");
-  if (counts.too_short > 0)
-    read.notes.push_back(std::to_string(counts.too_short) +
-                         " faces with fewer than three corners were left out");
+  if (too_short > 0)
+    read.notes.push_back(std::to_string(too_short) + " faces with fewer than three corners were left out");
   return read;
 }
 

@@ -11,7 +11,6 @@ ply::Header ply_header(const std::string& path);
 /// Whether the file is vertices of scalars, then faces, without textures; others are read as a whole.
 bool is_in_pieces(const ply::Header& header);
 
-/// Polygons become fans.
 PiecesRead read_ply_in_pieces(const std::string& path, const ply::Header& header, const VisitPiece& visit);
 
 }  // namespace rbvh

@@ -40,7 +40,8 @@ PiecesRead read_stl_in_pieces(const std::string& path, const VisitPiece& visit) 
     bytes.resize(kPieceTriangles * kStlTriangle);
     bytes.resize(in.read(std::as_writable_bytes(std::span(bytes))));
     more = bytes.size() == kPieceTriangles * kStlTriangle;
-    RawScan piece;
+    ScanPiece all;
+    RawScan& piece = all.scan;
     for (std::size_t at = 0; at + kStlTriangle <= bytes.size(); at += kStlTriangle) {
       float corners[9];
       std::memcpy(corners, bytes.data() + at + 12, sizeof corners);
@@ -55,7 +56,7 @@ PiecesRead read_stl_in_pieces(const std::string& path, const VisitPiece& visit) 
       piece.triangles.push_back({vertices, vertices + 1, vertices + 2});
       vertices += 3;
     }
-    visit(std::move(piece));
+    visit(std::move(all));
   }
   if (flat > 0) read.notes.push_back(std::to_string(flat) + " triangles without area were left out");
   if (attributes > 0)
@@ -73,7 +74,7 @@ PiecesRead read_whole(const std::string& path, const MemoryBudget& memory, const
   for (std::string& fault : scan.texture_faults) read.notes.push_back(std::move(fault));
   if (!scan.viewpoints.empty())
     read.notes.emplace_back("where the scanner stood is not kept where a scan is read in pieces");
-  visit(std::move(scan));
+  visit({std::move(scan), {}});
   return read;
 }
 
@@ -114,7 +115,7 @@ bool can_be_in_pieces(const std::string& path) {
 PiecesRead read_in_pieces(const std::string& path, const MemoryBudget& memory, const VisitPiece& visit) {
   switch (kind_of(path)) {
     case Kind::kLas:
-      return {.notes = read_las_in_pieces(path, visit)};
+      return {.notes = read_las_in_pieces(path, [&](RawScan&& scan) { visit({std::move(scan), {}}); })};
     case Kind::kStl:
       return read_stl_in_pieces(path, visit);
     case Kind::kObj:

@@ -1,6 +1,7 @@
 // Reads scans that are larger than memory, piece after piece.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
@@ -11,8 +12,12 @@
 namespace rbvh {
 
 /// Some of a file's vertices, in their order, and some of its triangles, by the numbers of vertices from the
-/// file's first one on. A triangle may come before its vertices.
-using VisitPiece = std::function<void(RawScan&& piece)>;
+/// file's first one on. A triangle may come before its vertices, so polygons are fans.
+struct ScanPiece {
+  RawScan scan;
+  std::vector<std::uint32_t> fans;  ///< of each triangle how many are left of its polygon's; empty: one
+};
+using VisitPiece = std::function<void(ScanPiece&& piece)>;
 
 /// What is known of a file when it is read.
 struct PiecesRead {

@@ -22,8 +22,9 @@ static_assert(sizeof(WorkVertex) == 48);
 struct WorkFace {
   Triangle corners;
   std::int32_t object_id;
+  std::uint32_t fan;  ///< triangles that are left of its polygon's
 };
-static_assert(sizeof(WorkFace) == 16);
+static_assert(sizeof(WorkFace) == 20);
 
 /// A file of so many vertices as the PLY that it would be with a header. Opened to read and write.
 BigPly open_work_vertices(const std::string& path, std::uint64_t count, const std::string& name);

@@ -249,7 +249,7 @@ class ObjReader {
     check_largest(largest_normal_, file_normals_.size(), "normals");
     RawScan scan;
     assign_textures(scan);
-    fans_.cut_again(positions_, triangles_, scan.notes, scan.face_textures);
+    add_notes(fans_.cut_again(positions_, triangles_, scan.face_textures), scan.notes);
     assign_normals(scan);
     choose_colors();
     if (!colors_.empty()) {

@@ -214,7 +214,7 @@ class OffReader {
       if (corners >= 3) fans.add(scan_.triangles.size(), static_cast<std::size_t>(corners) - 2);
       colored += !words.word().empty();
     }
-    fans.cut_again(scan_.positions, scan_.triangles, scan_.notes);
+    add_notes(fans.cut_again(scan_.positions, scan_.triangles), scan_.notes);
     if (colored > 0)
       scan_.notes.push_back("the colours of " + std::to_string(colored) + " faces are not kept");
     if (too_short > 0)

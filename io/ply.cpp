@@ -411,7 +411,7 @@ RawScan read_body(Source in, const Header& header, const std::string& file) {
     scan.face_textures.resize(scan.triangles.size());
     name_textures(header, file, scan);
   }
-  fans.cut_again(scan.positions, scan.triangles, scan.notes, scan.face_textures);
+  add_notes(fans.cut_again(scan.positions, scan.triangles, scan.face_textures), scan.notes);
 
   // Object ids and radii belong to the vertices of a cloud alone; on a mesh they are two properties among
   // others.

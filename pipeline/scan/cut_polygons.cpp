@@ -135,9 +135,18 @@ Cut cut_polygon(std::span<const std::uint32_t> corners, std::span<const Vec3d> p
 
 }  // namespace
 
-void Fans::cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
-                     std::vector<std::string>& notes, std::span<FaceTexture> textures) const {
-  std::size_t crossing = 0, too_many = 0;
+void add_notes(const PolygonFaults& faults, std::vector<std::string>& notes) {
+  if (faults.crossing > 0)
+    notes.push_back(std::to_string(faults.crossing) +
+                    " polygons have edges that cross: what they enclose was guessed");
+  if (faults.too_many > 0)
+    notes.push_back(std::to_string(faults.too_many) + " concave polygons of more than " +
+                    std::to_string(kMostCorners) + " corners were cut as fans");
+}
+
+PolygonFaults Fans::cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
+                              std::span<FaceTexture> textures) const {
+  PolygonFaults faults;
   std::vector<std::uint32_t> corners;
   std::vector<std::array<float, 2>> places;
   std::vector<Ear> ears;
@@ -154,15 +163,10 @@ void Fans::cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& tr
       for (std::size_t t = 0; t < ears.size(); ++t)
         for (std::size_t c = 0; c < 3; ++c) own[t].corners[c] = places[ears[t][c]];
     }
-    crossing += cut == Cut::kCrossing;
-    too_many += cut == Cut::kTooMany;
+    faults.crossing += cut == Cut::kCrossing;
+    faults.too_many += cut == Cut::kTooMany;
   }
-  if (crossing > 0)
-    notes.push_back(std::to_string(crossing) +
-                    " polygons have edges that cross: what they enclose was guessed");
-  if (too_many > 0)
-    notes.push_back(std::to_string(too_many) + " concave polygons of more than " +
-                    std::to_string(kMostCorners) + " corners were cut as fans");
+  return faults;
 }
 
 }  // namespace rbvh

@@ -12,6 +12,13 @@
 
 namespace rbvh {
 
+/// Polygons that stay as good as they are.
+struct PolygonFaults {
+  std::size_t crossing = 0;  ///< whose edges cross
+  std::size_t too_many = 0;  ///< concave ones, of too many corners
+};
+void add_notes(const PolygonFaults& faults, std::vector<std::string>& notes);
+
 /// Notes which of a mesh's triangles are a fan of four corners or more: (c0 c1 c2), (c0 c2 c3), ...
 class Fans {
  public:
@@ -20,11 +27,12 @@ class Fans {
     if (count > 1) fans_.push_back({end - count, count});
   }
 
-  /// Cuts again those that are concave or have corners on a straight line. Polygons whose edges cross, or of
-  /// too many corners, are counted in `notes`, and stay as good as they are. `textures`: the triangles' own,
-  /// or empty.
-  void cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
-                 std::vector<std::string>& notes, std::span<FaceTexture> textures = {}) const;
+  bool empty() const { return fans_.empty(); }
+
+  /// Cuts again those that are concave or have corners on a straight line. `textures`: the triangles' own, or
+  /// empty.
+  PolygonFaults cut_again(std::span<const Vec3d> positions, std::vector<Triangle>& triangles,
+                          std::span<FaceTexture> textures = {}) const;
 
  private:
   struct Fan {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <random>
 #include <set>
+#include <sstream>
 
 #include "io/scan_io.h"
 #include "pipeline/base/error.h"
@@ -135,6 +136,49 @@ TEST_F(GatherTest, MeshesOfAllFormats) {
     }
     EXPECT_EQ(next, got.triangles.size()) << name;
     EXPECT_EQ(gathered.notes.empty(), flat == 0) << name;
+  }
+}
+
+// Concave ones, in planes of any direction, some with a corner that is not finite or that is there twice.
+TEST_F(GatherTest, PolygonsAreCutAsInMemory) {
+  std::string obj, text, list;
+  std::size_t vertices = 0, faces = 0;
+  for (int polygon = 0; polygon < 500; ++polygon) {
+    const auto corners = static_cast<std::size_t>(3 + random() % 9);
+    const Vec3f u{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)},
+        v{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
+    std::string face;
+    for (std::size_t i = 0; i < corners; ++i) {
+      const float angle = 6.2831853f * static_cast<float>(i) / static_cast<float>(corners);
+      const float radius = uniform(0.1f, 1);
+      const Vec3f p = (u * std::cos(angle) + v * std::sin(angle)) * radius;
+      const std::string place = random() % 400 == 0 ? "nan 0 0\n" : words(p);
+      obj += "v " + place;
+      text += place;
+      const std::size_t corner = vertices + (i > 0 && random() % 50 == 0 ? i - 1 : i);
+      face += " " + std::to_string(corner);
+    }
+    vertices += corners;
+    ++faces;
+    list += std::to_string(corners) + face + "\n";
+    std::string numbers = "f";
+    std::istringstream in(face);
+    for (std::size_t k = 0; in >> k;) numbers += " " + std::to_string(k + 1);
+    obj += numbers + "\n";
+  }
+  const std::string ply = "ply\nformat ascii 1.0\nelement vertex " + std::to_string(vertices) +
+                          "\nproperty float x\nproperty float y\nproperty float z\nelement face " +
+                          std::to_string(faces) + "\nproperty list uchar int vertex_indices\nend_header\n" +
+                          text + list;
+  for (const std::string& file : {write("polygons.obj", obj), write("polygons.ply", ply)}) {
+    const RawScan whole = read_scan(file);
+    std::vector<Triangle> wanted;
+    for (const Triangle& t : whole.triangles) {
+      bool stays = t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+      for (const std::uint32_t corner : t) stays = stays && is_finite(whole.positions[corner]);
+      if (stays) wanted.push_back(t);
+    }
+    EXPECT_EQ(gather({file}).triangles, wanted) << file;
   }
 }
 
