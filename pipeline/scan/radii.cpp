@@ -189,14 +189,18 @@ Discs usable_discs(const Scan& scan) {
   return discs;
 }
 
-/// The part of the discs' squared radii that their cells take.
+/// The part of the discs' squared radii that their cells take. What faces the other way is another side's.
 double cells_per_square(const Discs& discs) {
   const std::size_t step = (discs.points.size() + kSamples - 1) / kSamples;
   const Neighbors neighbors = find_neighbors(discs.points, kSampleNeighbors, {}, step);
   double cells = 0, squares = 0;
+  std::vector<std::uint32_t> same_side;
   std::vector<Point2> around;
   for (std::size_t i = 0; i < discs.points.size(); i += step) {
-    project(discs.points, i, normalized(static_cast<Vec3d>(discs.normals[i])), neighbors.of(i), around);
+    same_side.clear();
+    for (const std::uint32_t other : neighbors.of(i))
+      if (dot(discs.normals[i], discs.normals[other]) > 0) same_side.push_back(other);
+    project(discs.points, i, normalized(static_cast<Vec3d>(discs.normals[i])), same_side, around);
     const double radius = static_cast<double>(discs.radii[i]);
     Cell cell(radius);
     for (const Point2& p : around) cell.cut(p);

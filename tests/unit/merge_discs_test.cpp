@@ -95,7 +95,7 @@ TEST(MergeDiscs, TheTwoSidesOfASheetStayApart) {
   Scan cloud = cloud_of(plate(), 2000);
   append(cloud, cloud_of(plate(-0.001f, false), 2000));
   const Scan merged = merge_discs(cloud, {.bound = 0.01});
-  EXPECT_LE(merged.positions.size(), 80u);
+  EXPECT_LE(merged.positions.size(), 50u);
   expect_covered(cloud, merged, 0.01);
   for (const Vec3f& n : merged.normals) EXPECT_GT(std::abs(n.z), 0.999f);
 }
