@@ -105,7 +105,7 @@ class Page {
   async drag(from, to, more = {}) {
     await this.mouse("mousePressed", ...from, more);
     await this.mouse("mouseMoved", ...to, more);
-    await this.mouse("mouseReleased", ...to, more);
+    await this.mouse("mouseReleased", ...to, { ...more, buttons: 0 });
   }
   async click(x, y, clickCount = 1) {
     for (let n = 1; n <= clickCount; ++n) {

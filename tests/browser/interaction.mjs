@@ -20,6 +20,11 @@ const stage = (page) => page.evaluate(`(() => {
   const box = document.getElementById("stage").getBoundingClientRect();
   return { x: Math.round(box.x + box.width / 2), y: Math.round(box.y + box.height / 2), height: box.height };
 })()`);
+const isWritten = async (name) => {
+  for (const end = Date.now() + 20000; !existsSync(path(name)); await new Promise((next) => setTimeout(next, 50)))
+    assert.ok(Date.now() < end, `${name} is not written`);
+};
+const atStart = (source) => (page) => page.send("Page.addScriptToEvaluateOnNewDocument", { source });
 const turn = (a, b) => ((b - a + 540) % 360) - 180;
 
 test("drags, wheel and keys move the camera by the right amounts", async () => {
@@ -31,22 +36,30 @@ test("drags, wheel and keys move the camera by the right amounts", async () => {
   near(is.elevation - was.elevation, (20 / height) * 180, 0.1, "elevation");
   near(is.distance, was.distance, 1e-6 * was.distance, "distance");
 
-  const before = await camera(page);
-  await page.drag([x, y], [x + 30, y], { modifiers: 8 });
-  const after = await camera(page), pixel = (2 * Math.tan(Math.PI / 12) * is.distance) / height;
-  near(length(sub(after.position, before.position)), 30 * pixel, 0.3 * pixel, "a drag with shift");
-  near(length(sub(sub(after.position, before.position), sub(after.focalPoint, before.focalPoint))), 0, 1e-6, "the focal point goes along");
+  const pixel = (2 * Math.tan(Math.PI / 12) * is.distance) / height;
+  const moves = { shift: { modifiers: 8 }, ctrl: { modifiers: 2 }, "the middle button": { button: "middle", buttons: 4 }, "the right button": { button: "right", buttons: 2 } };
+  for (const [what, how] of Object.entries(moves)) {
+    const before = await camera(page);
+    await page.drag([x, y], [x + 30, y], how);
+    const after = await camera(page);
+    near(length(sub(after.position, before.position)), 30 * pixel, 0.3 * pixel, `a drag with ${what}`);
+    near(length(sub(sub(after.position, before.position), sub(after.focalPoint, before.focalPoint))), 0, 1e-6, "the focal point goes along");
+  }
 
   await page.mouse("mouseWheel", x, y, { deltaX: 0, deltaY: 120, buttons: 0 });
   await page.until(`Math.abs(${is.distance} - Math.hypot(...rbvh.getCamera().position.map((v, i) => v - rbvh.getCamera().focalPoint[i]))) > 1e-3`);
   near(place(await camera(page)).distance / is.distance, Math.exp(0.12), 1e-3, "wheel");
 
   await page.evaluate('document.getElementById("stage").focus()');
-  was = place(await camera(page));
-  await page.key("ArrowRight");
-  near(turn(was.azimuth, place(await camera(page)).azimuth), 5, 0.01, "an arrow key");
-  await page.key("+");
-  near(place(await camera(page)).distance / was.distance, 0.85, 1e-3, "plus");
+  for (const [key, azimuth, elevation, nearer] of [["ArrowRight", 5, 0, 1], ["ArrowLeft", -5, 0, 1], ["ArrowUp", 0, 5, 1], ["ArrowDown", 0, -5, 1],
+                                                   ["+", 0, 0, 0.85], ["-", 0, 0, 1 / 0.85], ["+", 0, 0, 0.85]]) {
+    was = place(await camera(page));
+    await page.key(key);
+    is = place(await camera(page));
+    near(turn(was.azimuth, is.azimuth), azimuth, 0.01, `azimuth after ${key}`);
+    near(is.elevation - was.elevation, elevation, 0.01, `elevation after ${key}`);
+    near(is.distance / was.distance, nearer, 1e-3, `distance after ${key}`);
+  }
   was = place(await camera(page));
   const stays = await camera(page);
   await page.key("ArrowLeft", { modifiers: 8 });
@@ -58,8 +71,16 @@ test("drags, wheel and keys move the camera by the right amounts", async () => {
   }
   await page.key("Escape");
   assert.equal(await page.evaluate("document.querySelectorAll('#probe[aria-pressed=true], #measure[aria-pressed=true]').length"), 0);
-  await page.key("5");
-  near(place(await camera(page)).elevation, 89.9, 0.01, "the view from the top");
+  for (const [i, [azimuth, elevation]] of [[0, 0], [180, 0], [-90, 0], [90, 0], [0, 89.9], [0, -89.9]].entries()) {
+    await page.key(String(i + 1));
+    is = place(await camera(page));
+    near(turn(azimuth, is.azimuth), 0, 0.5, `azimuth of view ${i + 1}`);
+    near(is.elevation, elevation, 0.01, `elevation of view ${i + 1}`);
+  }
+  await page.browser.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder });
+  await page.key("s");
+  await page.until('document.getElementById("message").textContent === "The picture is saved"');
+  await isWritten("color.png");
   await page.key("r");
   is = place(await camera(page));
   near(is.azimuth, 30, 0.01, "azimuth after a reset");
@@ -156,6 +177,34 @@ test("without WebGL2 and WebGPU there is the thumbnail, and a sentence", async (
   await page.close();
 });
 
+test("a renderer whose shaders fail gives way to the next, and at last to the thumbnail", async () => {
+  const source = `window.broken = true; const set = WebGL2RenderingContext.prototype.shaderSource;
+    WebGL2RenderingContext.prototype.shaderSource = function (shader, text) { set.call(this, shader, text + (broken && text.includes("#define TRAVERSAL") ? "!" : "")); };
+    const make = window.GPUDevice?.prototype.createShaderModule;
+    if (make) GPUDevice.prototype.createShaderModule = function (words) { return make.call(this, { code: words.code + (window.brokenToo ? "!" : "") }); };`;
+  const drawn = (page) => page.evaluate(`rbvh.render(64, 64).then(({ data }) => data.filter((v, i) => i % 4 === 3 && v > 0).length)`);
+  const first = await open("tiles", "", 320, 320, atStart(source), "webgpu");
+  await first.until("window.rbvh?.viewer.firstPicture > 0", 120);
+  assert.match(await message(first), /^webgl2 failed: shaders do not link.*; webgpu draws instead$/);
+  assert.equal(await first.evaluate('document.getElementById("renderer").value'), "webgpu");
+  assert.ok((await drawn(first)) > 400);
+  await first.close();
+
+  const second = await open("tiles", "?renderer=webgpu", 320, 320, atStart(source.replace("broken = true", "brokenToo = true, window.broken = false")));
+  await second.until("window.rbvh?.viewer.firstPicture > 0", 120);
+  assert.match(await message(second), /^webgpu failed: .*; webgl2 draws instead$/);
+  assert.ok((await drawn(second)) > 400);
+  await second.close();
+
+  // Later, and with no other renderer.
+  const third = await open("tiles", "", 320, 320, atStart(`${source} broken = false; Object.defineProperty(navigator, "gpu", { value: undefined });`));
+  await third.until('window.rbvh?.viewer.firstPicture > 0 && !document.getElementById("still")', 60);
+  await third.evaluate("(broken = true, rbvh.viewer.renderer.programs.clear(), rbvh.viewer.changed(), 0)");
+  await third.until('document.getElementById("still")?.checkVisibility() && !document.querySelector("canvas").checkVisibility()', 60);
+  assert.match(await message(third), /^This browser cannot draw the scan: hybrid failed: shaders do not link.*[^.]\. The picture is a still\.$/);
+  await third.close();
+});
+
 test("without WebGL2, WebGPU draws", async () => {
   const page = await open("color", "", 320, 320, (page) => page.send("Page.addScriptToEvaluateOnNewDocument",
     { source: "const get = HTMLCanvasElement.prototype.getContext; HTMLCanvasElement.prototype.getContext = function (name) { return name === 'webgl2' ? null : get.call(this, name); };" }), "webgpu");
@@ -206,9 +255,13 @@ test("no texture is larger than the device's or 8192 texels; what needs more is 
   assert.deepEqual(page.errors, []);
   await page.close();
 
-  const small = `const get = WebGL2RenderingContext.prototype.getParameter;
-    WebGL2RenderingContext.prototype.getParameter = function (name) { return name === 0x0d33 ? 2048 : get.call(this, name); };`;
-  const old = await open("tiles", "?renderer=webgl2", 320, 320, (page) => page.send("Page.addScriptToEvaluateOnNewDocument", { source: small }));
+  const limited = (texels) => atStart(`const get = WebGL2RenderingContext.prototype.getParameter;
+    WebGL2RenderingContext.prototype.getParameter = function (name) { return name === 0x0d33 ? ${texels} : get.call(this, name); };`);
+  const large = await open("tiles", "?renderer=webgl2", 320, 320, limited(65536));
+  await large.until("window.rbvh?.viewer.renderer", 60);
+  assert.equal(await large.evaluate("rbvh.viewer.renderer.mostRows"), 8192);
+  await large.close();
+  const old = await open("tiles", "?renderer=webgl2", 320, 320, limited(2048));
   await old.until('document.getElementById("message")?.textContent', 60);
   assert.match(await message(old), /cannot draw the scan: its textures have 2048 texels a side/);
   await old.close();
@@ -300,7 +353,7 @@ test("menus and buttons do what they say", async () => {
   await page.browser.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder });
   await page.evaluate('document.getElementById("picture").click()');
   await page.until('document.getElementById("message").textContent === "The picture is saved"');
-  for (const end = Date.now() + 20000; !existsSync(path("painted.png")) && Date.now() < end;) await page.evaluate("new Promise((next) => setTimeout(next, 50))");
+  await isWritten("painted.png");
   const { width, height } = decodePng(readFileSync(path("painted.png")));
   assert.deepEqual([width, height], await page.evaluate("[rbvh.viewer.canvas.width, rbvh.viewer.canvas.height]"));
   assert.deepEqual(page.errors, []);
@@ -312,6 +365,17 @@ test("menus and buttons do what they say", async () => {
   near(length(sub((await camera(linked)).position, wanted.position)), 0, 1e-6, "the linked view");
   assert.equal(await linked.evaluate("document.documentElement.dataset.theme"), "dark");
   await linked.close();
+});
+
+test("nothing moves by itself where less motion is wanted", async () => {
+  for (const [value, seconds] of [["reduce", "0s"], ["no-preference", "1s"]]) {
+    const page = await open("color", "", 320, 320, (page) => page.send("Emulation.setEmulatedMedia", { features: [{ name: "prefers-reduced-motion", value }] }));
+    await page.until("window.rbvh?.viewer.firstPicture > 0", 60);
+    assert.equal(await page.evaluate("document.getAnimations().length"), 0);
+    const found = await page.evaluate('(document.querySelector("header").style.transition = "opacity 1s", getComputedStyle(document.querySelector("header")).transitionDuration)');
+    assert.equal(found, seconds, value);
+    await page.close();
+  }
 });
 
 test("a damaged page says so", async () => {
@@ -349,6 +413,11 @@ test("names from scans are text; a narrow page needs no scrolling; all controls 
   assert.match(await page.evaluate('document.getElementById("name").textContent'), /^<script>/);
   assert.equal(await page.evaluate("window.stolen"), undefined);
   assert.ok((await page.evaluate("document.documentElement.scrollWidth")) <= 360);
+  const outside = await page.evaluate(`[...document.querySelectorAll("h1, button, select, #stage, footer span")].filter((e) => {
+    const { left, right, top, bottom, height } = e.getBoundingClientRect();
+    return left < 0 || right > 360 || top < 0 || bottom > 640 || (e.matches("button, select") && height < 24);
+  }).map((e) => e.id)`);
+  assert.deepEqual(outside, []);
   assert.ok((await stage(page)).height > 320);
   const names = await page.evaluate(`[...document.querySelectorAll("button, select, input, #stage")].map((e) => e.ariaLabel ?? e.textContent)`);
   assert.ok(names.every((text) => text.length > 0), names.join());

@@ -23,5 +23,5 @@ fn toSrgb(c: vec3f) -> vec3f {
     let p = vec2u(clamp(first + corner, vec2f(0), vec2f(u.size) - 1.0));
     sum += w.x * w.y * sums[p.y * u.size.x + p.x];
   }
-  return vec4f(toSrgb(sum.xyz) + (1.0 - sum.w) * u.background, 1.0);
+  return vec4f(toSrgb(sum.xyz / max(sum.w, 1e-6)) * sum.w + (1.0 - sum.w) * u.background, 1.0);
 }

@@ -2,22 +2,9 @@
 // (docs/file_format.md, "Streams").
 
 export function decodeBase64(text: string): Uint8Array<ArrayBuffer> {
-  const code = new Uint8Array(128).fill(255);
-  const letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  for (let i = 0; i < 64; ++i) code[letters.charCodeAt(i)] = i;
-  const out = new Uint8Array(Math.ceil((text.length * 3) / 4));
-  let bits = 0, held = 0, at = 0;
-  for (let i = 0; i < text.length; ++i) {
-    const six = code[text.charCodeAt(i) & 127]!;
-    if (six > 63) continue; // line ends, padding
-    bits = (bits << 6) | six;
-    held += 6;
-    if (held >= 8) {
-      held -= 8;
-      out[at++] = bits >> held;
-    }
-  }
-  return out.subarray(0, at);
+  const letters = atob(text), bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < bytes.length; ++i) bytes[i] = letters.charCodeAt(i);
+  return bytes;
 }
 
 export function crc32(bytes: Uint8Array): number {
@@ -33,8 +20,10 @@ export function crc32(bytes: Uint8Array): number {
 }
 
 export async function inflate(bytes: Uint8Array<ArrayBuffer>): Promise<Uint8Array> {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  const { readable, writable } = new DecompressionStream("deflate"), writer = writable.getWriter();
+  writer.write(bytes).catch(() => undefined); // the reader fails as well
+  writer.close().catch(() => undefined);
+  return new Uint8Array(await new Response(readable).arrayBuffer());
 }
 
 /** The numbers of a level's chunk: columns, the lowest bytes of all values first. */
@@ -118,7 +107,7 @@ const unzigzag = (code: number): number => (code >>> 1) ^ -(code & 1);
  */
 export function decodePositions(
     residuals: Uint32Array[], triangles: Uint32Array, count: number, lattice: Lattice): Float32Array {
-  const places = [new Int32Array(count), new Int32Array(count), new Int32Array(count)];
+  const places = new Int32Array(3 * count);
   const from = new Int32Array(65536).fill(-1), to = new Int32Array(65536).fill(-1),
         opposite = new Int32Array(65536);
   const known = new Uint8Array(count);
@@ -127,9 +116,8 @@ export function decodePositions(
   let before = -1, next = 0;
   const put = (v: number, a: number, b: number, c: number): void => {
     for (let axis = 0; axis < 3; ++axis) {
-      const p = places[axis]!;
-      const guess = a < 0 ? 0 : (p[a]! + p[b]! - p[c]!) | 0;
-      p[v] = guess + unzigzag(residuals[axis]![next]!);
+      const guess = a < 0 ? 0 : (places[3 * a + axis]! + places[3 * b + axis]! - places[3 * c + axis]!) | 0;
+      places[3 * v + axis] = guess + unzigzag(residuals[axis]![next]!);
     }
     ++next;
     known[v] = 1;
@@ -154,9 +142,10 @@ export function decodePositions(
   for (let v = 0; v < count; ++v)
     if (!known[v]) put(v, before, before, before);
   const positions = new Float32Array(3 * count), f = Math.fround, step = f(lattice.step);
-  for (let axis = 0; axis < 3; ++axis)
-    for (let v = 0; v < count; ++v)
-      positions[3 * v + axis] = f(f(lattice.origin[axis]!) + f(f(places[axis]![v]!) * step));
+  for (let axis = 0; axis < 3; ++axis) {
+    const origin = f(lattice.origin[axis]!);
+    for (let i = axis; i < places.length; i += 3) positions[i] = f(origin + f(f(places[i]!) * step));
+  }
   return positions;
 }
 

@@ -4,9 +4,11 @@ import { primaryPieces } from "./passes";
 import type { Traversal } from "./passes";
 import { dot, sub } from "./camera";
 import type { Vec } from "./camera";
+import type { LevelMeta } from "./page";
 import type { Sample, Shown } from "./renderer";
 import { ROW } from "./level";
 import { GlRenderer } from "./webgl";
+import type { Pass } from "./webgl";
 
 /** Vertices come from the level's textures; clip space is the picture's, its top row first. */
 const project = `
@@ -145,9 +147,22 @@ void main() {
   writeSurface(-d);
 }`;
 
+const pass = (name: string, vertex: string, fragment: string): Pass => ({
+  name,
+  vertex: (kind) => {
+    const { tracing, camera } = primaryPieces(kind);
+    return `${tracing}${camera.replace(/vec2 thisPixel.*/, "")}${project}${quad}${vertex}`;
+  },
+  fragment: (kind) => {
+    const { tracing, camera, toViewer } = primaryPieces(kind);
+    return `${tracing}${camera}${toViewer}${project}${fragment}`;
+  },
+});
+const TRIANGLES = pass("triangles", triangleVertex, triangleFragment), DISCS = pass("discs", discVertex, discFragment),
+      CELLS = pass("cells", cellVertex, cellFragment);
+
 export class HybridRenderer extends GlRenderer {
   override readonly name = "hybrid";
-  private elements = 0; // of the tree: triangles or discs, and places of tiles that have no extent
   private texels = 0;
 
   constructor(canvas: HTMLCanvasElement, traversal: Traversal) {
@@ -157,13 +172,17 @@ export class HybridRenderer extends GlRenderer {
   override setLevel(shown: Shown): void {
     super.setLevel(shown);
     const { meta, data } = shown, tiles = new Uint32Array(Math.max(ROW, data.heights.length));
-    this.elements = meta.tiles + (meta.discs ? meta.vertices : meta.triangles);
     this.texels = meta.texels;
     for (let t = 0; t < meta.tiles; ++t) {
       const size = data.tiles[24 * t + 18]!, offset = data.tiles[24 * t + 19]!;
       tiles.fill(t, offset, offset + (size & 65535) * (size >>> 16));
     }
     this.put("texelTiles", this.gl.R32UI, tiles, 1);
+  }
+
+  protected override primaries(meta: LevelMeta): Pass[] {
+    const some = meta.discs ? [DISCS] : meta.triangles > 0 ? [TRIANGLES] : [];
+    return meta.tiles > 0 ? [...some, CELLS] : some;
   }
 
   protected override castPrimary(sample: Sample, from: number): void {
@@ -176,21 +195,13 @@ export class HybridRenderer extends GlRenderer {
     gl.clearBufferfv(gl.DEPTH, 0, [1]);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LESS);
-    if (meta.triangles > 0) this.rasterise(sample, "triangles", triangleVertex, triangleFragment, 3 * this.elements);
-    else if (meta.discs) this.rasterise(sample, "discs", discVertex, discFragment, 6 * this.elements);
-    if (meta.tiles > 0) this.rasterise(sample, "cells", cellVertex, cellFragment, 6 * this.texels);
+    for (const pass of this.primaries(meta))
+      this.rasterise(sample, pass, pass === CELLS ? 6 * this.texels : meta.discs ? 6 * meta.vertices : 3 * meta.triangles);
     gl.disable(gl.DEPTH_TEST);
   }
 
-  private rasterise(sample: Sample, name: string, vertex: string, fragment: string, count: number): void {
-    const gl = this.gl, { rays } = sample;
-    const program = this.tracer(name, (kind) => {
-      const { tracing, camera, toViewer } = primaryPieces(kind);
-      return `${tracing}${camera}${toViewer}${project}${fragment}`;
-    }, (kind) => {
-      const { tracing, camera } = primaryPieces(kind);
-      return `${tracing}${camera.replace(/vec2 thisPixel.*/, "")}${project}${quad}${vertex}`;
-    });
+  private rasterise(sample: Sample, pass: Pass, count: number): void {
+    const gl = this.gl, { rays } = sample, program = this.tracer(pass);
     this.setCamera(program, sample);
     const { forward } = rays, { lo, hi } = this.shown!.data;
     const diagonal = Math.hypot(hi[0]! - lo[0]!, hi[1]! - lo[1]!, hi[2]! - lo[2]!);

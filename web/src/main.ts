@@ -21,7 +21,9 @@ interface Task {
 }
 type Result = { index: number; data: LevelData } | { index: number; error: string };
 
-const message = (error: unknown): string => (error instanceof Error ? error.message : String(error));
+const MOST_HERE = 1 << 20; // bytes of a level
+
+const message = (error: unknown): string => ((error as Error).message ?? String(error)).trim().split("\n")[0]!.replace(/\.$/, "");
 
 function runWorker(): void {
   onmessage = async (event: MessageEvent<Task>) => {
@@ -37,9 +39,10 @@ function runWorker(): void {
   };
 }
 
+const here = (task: Task): Promise<LevelData> => decodeLevel(task.meta, task.text);
+
 /** Decodes in a worker made of this script; without workers, here. */
 function decoder(): (task: Task) => Promise<LevelData> {
-  const here = (task: Task): Promise<LevelData> => decodeLevel(task.meta, task.text);
   let worker: Worker;
   try {
     const text = document.getElementById("rbvh-script")!.textContent!;
@@ -71,8 +74,8 @@ async function whenParsed(index: number): Promise<string> {
 }
 
 async function makeRenderer(name: string, canvas: HTMLCanvasElement, traversal: Traversal,
-                            onLost: () => void): Promise<Renderer> {
-  if (name === "webgpu") return makeGpuRenderer(canvas, traversal, onLost);
+                            onFailed: (error: unknown) => void): Promise<Renderer> {
+  if (name === "webgpu") return makeGpuRenderer(canvas, traversal, onFailed);
   if (name === "webgl2") return new GlRenderer(canvas, traversal);
   if (name === "hybrid") return new HybridRenderer(canvas, traversal);
   throw new Error(`there is no renderer ${name}`);
@@ -80,9 +83,8 @@ async function makeRenderer(name: string, canvas: HTMLCanvasElement, traversal: 
 
 async function main(): Promise<void> {
   const meta = readMeta(), query = new URLSearchParams(location.search);
-  const canvas = document.querySelector("canvas")!;
   const traversal = TRAVERSALS.find((t) => t === query.get("traversal")) ?? TRAVERSALS[0];
-  const viewer = new Viewer(meta, canvas);
+  const viewer = new Viewer(meta, document.querySelector("canvas")!);
   const make = (name: string, on: HTMLCanvasElement): Promise<Renderer> => {
     on.addEventListener("webglcontextlost", (event) => {
       if (viewer.canvas !== on) return;
@@ -94,15 +96,13 @@ async function main(): Promise<void> {
       viewer.setRenderer(renderer);
       say("");
     }), { once: true });
-    return makeRenderer(name, on, traversal, () => {
-      if (viewer.canvas === on) void choose("webgl2");
-    });
+    return makeRenderer(name, on, traversal, (error) => viewer.canvas === on && viewer.onFailed(error));
   };
   /** On a canvas of its own: one that had another kind of context cannot get a new one. */
   const choose = (name: string): Promise<void> => viewer.exclusive(async () => {
-    const old = viewer.renderer, fresh = old ? (viewer.canvas.cloneNode() as HTMLCanvasElement) : canvas;
+    const old = viewer.renderer, fresh = viewer.canvas.cloneNode() as HTMLCanvasElement;
     const renderer = await make(name, fresh);
-    if (old) viewer.canvas.replaceWith(fresh);
+    viewer.canvas.replaceWith(fresh);
     viewer.setRenderer(renderer);
     old?.dispose();
   });
@@ -111,23 +111,44 @@ async function main(): Promise<void> {
   const linked = cameraOfLink(viewer, location.hash);
   if (linked) viewer.setCamera(linked);
   else ui.reset();
-  // The coarsest level is decoded while the renderer's shaders are compiled.
-  const decode = decoder(), task = async (index: number): Promise<LevelData> =>
-    decode({ index, meta: meta.levels[index]!, text: await whenParsed(index) });
-  const coarsest = task(0);
-  coarsest.catch(() => undefined);
-  // The one that was asked for, else the first that works.
-  const asked = query.get("renderer"), names = asked ? [asked] : ["webgl2", ...(hasWebGpu() ? ["webgpu"] : [])];
-  for (const [i, name] of names.entries()) {
-    try {
-      await choose(name);
-      break;
-    } catch (error) {
-      if (i + 1 < names.length) continue;
-      say(`This browser cannot draw the scan: ${message(error)}. The picture is a still.`);
-      throw error;
+  // While the renderer's shaders are compiled, the coarsest level is decoded: if it is small, here, as a worker takes as long to begin.
+  let inWorker: ReturnType<typeof decoder> | null = null;
+  const decode = async (index: number): Promise<LevelData> => {
+    const level = meta.levels[index]!, task = { index, meta: level, text: await whenParsed(index) };
+    return index === 0 && level.bytes <= MOST_HERE ? here(task) : (inWorker ??= decoder())(task);
+  };
+  const asked = query.get("renderer"), still = document.getElementById("still");
+  const left = new Set([...(asked ? [asked] : []), "webgl2", ...(hasWebGpu() ? ["webgpu"] : []), "hybrid"]);
+  let choosing = false;
+  /** The first of those that have not failed; where all have, the thumbnail is back. */
+  const chooseNext = async (why: unknown): Promise<void> => {
+    choosing = true;
+    for (const name of left) {
+      try {
+        await choose(name);
+        choosing = false;
+        return why ? say(`${message(why)}; ${name} draws instead`) : undefined;
+      } catch (error) {
+        left.delete(name);
+        why ??= error;
+      }
     }
-  }
+    viewer.setRenderer(null);
+    viewer.canvas.hidden = true;
+    if (still) document.getElementById("stage")!.before(still);
+    say(`This browser cannot draw the scan: ${message(why)}.${still ? " The picture is a still." : ""}`);
+  };
+  viewer.onFailed = (error) => {
+    if (choosing || viewer.canvas.getContext("webgl2")?.isContextLost()) return;
+    const { name } = viewer.renderer!;
+    console.warn(error);
+    left.delete(name);
+    void chooseNext(`${name} failed: ${message(error)}`);
+  };
+  const chosen = chooseNext(null), coarsest = decode(0);
+  coarsest.catch(() => undefined);
+  await chosen;
+  if (!viewer.renderer) return;
 
   const decoded = meta.levels.map(() => {
     let done!: () => void, failed!: (error: unknown) => void;
@@ -136,12 +157,12 @@ async function main(): Promise<void> {
     return { promise, done, failed };
   });
   expose(viewer, ui, decoded.map((d) => d.promise), choose);
-  void viewer.first.then(() => document.getElementById("still")?.remove());
+  void viewer.first.then(() => still?.remove());
   for (const index of meta.levels.keys()) {
     try {
       // The first picture has both cores of a small machine; pages that are not seen draw none.
       if (index === 1) await Promise.race([viewer.first, new Promise((done) => setTimeout(done, 2000))]);
-      viewer.add(index, await (index === 0 ? coarsest : task(index)));
+      viewer.add(index, await (index === 0 ? coarsest : decode(index)));
       decoded[index]!.done();
     } catch (error) {
       say(`This page is broken: ${message(error)}`);

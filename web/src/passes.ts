@@ -23,7 +23,7 @@ export const kindOf = (traversal: Traversal, meta: LevelMeta, layer: ShownLayer 
 const head = "#version 300 es\n";
 const tracing = (kind: Kind): string => {
   const { traversal, tiles, discs, colors, layer } = kind;
-  const words = { TRAVERSAL: TRAVERSALS.indexOf(traversal), STACK: 8, TILES: +tiles, DISCS: +discs, COLORS: +colors, LAYER: layer };
+  const words = { TRAVERSAL: TRAVERSALS.indexOf(traversal), TILES: +tiles, DISCS: +discs, COLORS: +colors, LAYER: layer };
   return head + Object.entries(words).map(([name, value]) => "#define " + name + " " + value + "\n").join("") + trace + surface;
 };
 
@@ -224,5 +224,5 @@ void main() {
     vec2 w = mix(1.0 - f, f, vec2(corner));
     sum += w.x * w.y * uintBitsToFloat(texelFetch(accumulated, clamp(p + corner, ivec2(0), size - 1), 0));
   }
-  outPixel = vec4(toSrgb(sum.xyz) + (1.0 - sum.w) * background, 1.0);
+  outPixel = vec4(toSrgb(sum.xyz / max(sum.w, 1e-6)) * sum.w + (1.0 - sum.w) * background, 1.0);
 }`;

@@ -46,16 +46,4 @@ export interface Renderer {
   dispose(): void;
 }
 
-/** A level of which nothing is there yet, and a camera that sees nothing: what shaders are warmed with. */
-export function emptyLevel(meta: LevelMeta): Shown {
-  const words = new Uint32Array(), halves = new Uint16Array(), one = (n: number): number => Math.min(1, n);
-  return { meta: { ...meta, tiles: one(meta.tiles), texels: one(meta.texels), triangles: one(meta.triangles),
-                   vertices: one(meta.vertices) },
-           data: { nodes: words, vertices: words, prims: words, tiles: words, heights: halves, normals: words,
-                   colors: halves, layers: [], lo: [0, 0, 0], hi: [0, 0, 0], depth: 0, seconds: 0 } };
-}
-export const NOWHERE: Sample = {
-  rays: { position: [0, 0, 0], forward: [0, 0, 0], corner: [0, 0, 0], right: [0, 0, 0], down: [0, 0, 0], width: 1, height: 1 },
-  offset: [0, 0], weight: 1, kept: 0, number: 0, occlusion: false, up: [0, 0, 0] };
-
 export const HIT_WORDS = 12;

@@ -1,4 +1,5 @@
 // The surface at a hit, and the passes; it follows trace.wgsl.
+#if SURFACE
 const CLAY = vec3f(0.50, 0.455, 0.41);
 struct Surface { geometric: vec3f, smooth_: vec3f, color: vec3f, uv: vec2f, values: vec4f }
 
@@ -8,7 +9,10 @@ fn unpackNormal(code: u32) -> vec3f {
   let folded = (1.0 - abs(p.yx)) * select(vec2f(1), vec2f(-1), p < vec2f(0));
   return normalize(vec3f(select(p, folded, z < 0.0), z));
 }
+#if TINTED
 fn toLinear(c: vec3f) -> vec3f { return select(pow((c + 0.055) / 1.055, vec3f(2.4)), c / 12.92, c <= vec3f(0.04045)); }
+#endif
+#if COLORS
 fn vertexColor(v: u32) -> vec3f {
   let c = word4(u.vertices, 2u * v).w;
   return toLinear(vec3f(f32(c & 255u), f32((c >> 8u) & 255u), f32((c >> 16u) & 255u)) / 255.0);
@@ -17,6 +21,8 @@ fn texelColor(at: u32) -> vec3f {
   let c = half_(u.colors, at);
   return toLinear(vec3f(f32(c >> 11u) / 31.0, f32((c >> 5u) & 63u) / 63.0, f32(c & 31u) / 31.0));
 }
+#endif
+#if LAYER
 // Viridis, a polynomial in sRGB.
 fn ramp(t: f32) -> vec3f {
   var powers = array<vec3f, 7>(
@@ -58,12 +64,15 @@ fn layerAt(leaf: u32, p: vec3f) -> vec4f {
   return sum;
 }
 
+#endif
+
 fn surfaceAt() -> Surface {
   var s = Surface(vec3f(0), vec3f(0), CLAY, found.uv, vec4f(0));
   var p = rayO + rayD * found.t;
   var normal = vec3f(0);
   var color = vec3f(0);
-  if (TILES && (found.id & TILE) != 0u) {
+#if TILES
+  if ((found.id & TILE) != 0u) {
     let tile = readTile(found.id & 0x3fffffffu);
     let place = tile.m0 * p.x + tile.m1 * p.y + tile.m2 * p.z + tile.m3;
     let most = vec2i(tile.width, tile.height) - 2;
@@ -95,35 +104,54 @@ fn surfaceAt() -> Surface {
       if (w <= 0.0 || heightAt(tile, i) == 0.0) { continue; }
       weight += w;
       normal += w * unpackNormal(texels[u.normals + tile.offset + u32(i)]);
-      if (COLORS) { color += w * texelColor(tile.offset + u32(i)); }
+#if COLORS
+      color += w * texelColor(tile.offset + u32(i));
+#endif
     }
-    if (COLORS && weight > 0.0) { s.color = color / weight; }
-  } else {
+#if COLORS
+    if (weight > 0.0) { s.color = color / weight; }
+#endif
+  } else
+#endif
+  {
     let prim = word4(u.prims, found.id);
-    let w = select(vec3f(1.0 - found.uv.x - found.uv.y, found.uv), vec3f(1, 0, 0), DISCS);
+#if DISCS
+    let w = vec3f(1, 0, 0);
+#else
+    let w = vec3f(1.0 - found.uv.x - found.uv.y, found.uv);
+#endif
     var corners: array<vec3f, 3>;
     for (var k = 0; k < 3; k++) {
       corners[k] = float4(u.vertices, 2u * prim[k]).xyz;
       normal += w[k] * float4(u.vertices, 2u * prim[k] + 1u).xyz;
-      if (COLORS) { color += w[k] * vertexColor(prim[k]); }
+#if COLORS
+      color += w[k] * vertexColor(prim[k]);
+#endif
     }
+#if DISCS
+    s.geometric = normal;
+#else
     let e = corners[1] - corners[0];
     let g = corners[2] - corners[0];
     let most = max(abs(e), abs(g));
     let scale = 1.0 / max(max(most.x, max(most.y, most.z)), 1e-30);
-    s.geometric = select(normalize(cross(e * scale, g * scale)), normal, vec3<bool>(DISCS));
+    s.geometric = normalize(cross(e * scale, g * scale));
+#endif
     p = w.x * corners[0] + w.y * corners[1] + w.z * corners[2];
-    if (COLORS) { s.color = color; }
+#if COLORS
+    s.color = color;
+#endif
   }
   s.smooth_ = select(s.geometric, normalize(select(vec3f(1), normal, vec3<bool>(dot(normal, normal) > 1e-12))),
                      vec3<bool>(dot(normal, normal) > 1e-12));
-  if (LAYER > 0u) {
-    s.values = layerAt(found.leaf, p);
-    let share = clamp((s.values.xyz - u.layerRange.x) / max(u.layerRange.y - u.layerRange.x, 1e-30), vec3f(0), vec3f(1));
-    s.color = select(select(share, ramp(share.x), vec3<bool>(LAYER < 3u)), CLAY, vec3<bool>(s.values.w == 0.0));
-  }
+#if LAYER
+  s.values = layerAt(found.leaf, p);
+  let share = clamp((s.values.xyz - u.layerRange.x) / max(u.layerRange.y - u.layerRange.x, 1e-30), vec3f(0), vec3f(1));
+  s.color = select(select(share, ramp(share.x), vec3<bool>(LAYER < 3u)), CLAY, vec3<bool>(s.values.w == 0.0));
+#endif
   return s;
 }
+#endif
 
 // --- the passes
 
@@ -132,6 +160,7 @@ fn pixelDirection(pixel: vec2u) -> vec3f {
   return normalize(u.camCorner + u.camRight * p.x + u.camDown * p.y);
 }
 
+#if primary
 const BACK_TINT = vec3f(0.55, 0.60, 0.70);
 
 @compute @workgroup_size(8, 8) fn primary(@builtin(global_invocation_id) id: vec3u) {
@@ -152,6 +181,8 @@ const BACK_TINT = vec3f(0.55, 0.60, 0.70);
   surfaces[at + 1u] = vec4u(bitcast<vec3u>(select(s.color, s.color * BACK_TINT, vec3<bool>(behind))), found.leaf);
 }
 
+#endif
+#if occlusion
 fn hash(number: u32) -> u32 {
   var n = (number ^ (number >> 16u)) * 0x7feb352du;
   n = (n ^ (n >> 15u)) * 0x846ca68bu;
@@ -194,6 +225,8 @@ fn frame(n: vec3f) -> mat2x3f {
   lights[at] = vec2f(key, select(1.0, 0.0, found.id != NONE));
 }
 
+#endif
+#if shade
 fn halfInverse(p: vec2i) -> f32 {
   let t = bitcast<f32>(surfaces[2u * (u32(p.y) * u.size.x + u32(p.x))].x);
   return select(0.0, 0.5 / max(t, 1e-30), t > 0.0);
@@ -243,6 +276,8 @@ const GROUND = vec3f(0.08, 0.07, 0.06);
   sums[at] = sum;
 }
 
+#endif
+#if castRays
 @compute @workgroup_size(64) fn castRays(@builtin(global_invocation_id) id: vec3u) {
   let i = id.x;
   if (i >= u.rayCount) { return; }
@@ -259,3 +294,4 @@ const GROUND = vec3f(0.08, 0.07, 0.06);
   hits[3u * i + 1u] = vec4u(bitcast<vec2u>(s.uv), found.leaf, flags | (steps << 8u));
   hits[3u * i + 2u] = bitcast<vec4u>(s.values);
 }
+#endif

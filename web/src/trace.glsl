@@ -12,6 +12,7 @@ uniform usampler2D nodes, prims, vertices, tiles, heights, normals, colors, laye
 uniform vec3 sceneLo, sceneHi;
 
 const float FAR = 3e38;
+const int STACK = 8;
 const uint NONE = 0xffffffffu, LEAF = 0x80000000u, TILE = 0x40000000u;
 
 uvec4 word4(usampler2D from, uint at) { return texelFetch(from, ivec2(at & 4095u, at >> 12), 0); }

@@ -1,5 +1,6 @@
 // What trace.glsl does, in WGSL; with surface.wgsl the passes of passes.ts as compute shaders: a work-group
-// of 8 x 8 pixels. TILES, DISCS, COLORS and LAYER come before it, as in trace.glsl. A level's words lie in two buffers, from the offsets in `u` on.
+// of 8 x 8 pixels. What stands between #if, #else and #endif is there for what a level holds, as in trace.glsl, and for one
+// pass (webgpu.ts): software renderers compile all that is there. A level's words lie in two buffers, from the offsets in `u` on.
 struct Uniforms {
   sceneLo: vec3f, nodes: u32,
   sceneHi: vec3f, prims: u32,
@@ -26,6 +27,7 @@ struct Uniforms {
 @group(0) @binding(6) var<storage, read_write> rays: array<vec4f>;      // two a ray
 @group(0) @binding(7) var<storage, read_write> hits: array<vec4u>;      // three a ray
 
+#if CASTS
 const FAR = 3e38;
 const NONE = 0xffffffffu;
 const LEAF = 0x80000000u;
@@ -92,6 +94,23 @@ fn entersBox(lo: vec3f, hi: vec3f) -> bool {
 
 fn isNearer(t: f32, leaf: u32) -> bool { return t < found.t || (t == found.t && leaf < found.leaf); }
 
+#if DISCS
+fn intersectDisc(at: u32, prim: vec4u) {
+  let c = float4(u.vertices, 2u * prim.x).xyz - rayO;
+  let n = float4(u.vertices, 2u * prim.x + 1u);
+  let slope = dot(n.xyz, rayD);
+  if (slope == 0.0) { return; }
+  let t = dot(c, n.xyz) / slope;
+  let off = rayD * t - c;
+  if (dot(off, off) > n.w * n.w || !(t >= rayMin) || !isNearer(t, prim.w)) { return; }
+  let s = select(1.0, -1.0, n.z < 0.0);
+  let e = -1.0 / (s + n.z);
+  let f = n.x * n.y * e;
+  let p = off / n.w;
+  found = Found(t, at, prim.w, vec2f(p.x * (1.0 + s * n.x * n.x * e) + p.y * (s * f) - p.z * (s * n.x),
+                                     p.x * f + p.y * (s + n.y * n.y * e) - p.z * n.y));
+}
+#else
 fn intersectTriangle(at: u32, prim: vec4u) {
   let a = permuted(float4(u.vertices, 2u * prim.x).xyz) - sheared;
   let b = permuted(float4(u.vertices, 2u * prim.y).xyz) - sheared;
@@ -108,23 +127,9 @@ fn intersectTriangle(at: u32, prim: vec4u) {
   let t = (e * (shear.z * a.z) + v * (shear.z * b.z) + w * (shear.z * c.z)) / sum;
   if (t >= rayMin && isNearer(t, prim.w)) { found = Found(t, at, prim.w, vec2f(v, w) / sum); }
 }
+#endif
 
-fn intersectDisc(at: u32, prim: vec4u) {
-  let c = float4(u.vertices, 2u * prim.x).xyz - rayO;
-  let n = float4(u.vertices, 2u * prim.x + 1u);
-  let slope = dot(n.xyz, rayD);
-  if (slope == 0.0) { return; }
-  let t = dot(c, n.xyz) / slope;
-  let off = rayD * t - c;
-  if (dot(off, off) > n.w * n.w || !(t >= rayMin) || !isNearer(t, prim.w)) { return; }
-  let s = select(1.0, -1.0, n.z < 0.0);
-  let e = -1.0 / (s + n.z);
-  let f = n.x * n.y * e;
-  let p = off / n.w;
-  found = Found(t, at, prim.w, vec2f(p.x * (1.0 + s * n.x * n.x * e) + p.y * (s * f) - p.z * (s * n.x),
-                                     p.x * f + p.y * (s + n.y * n.y * e) - p.z * n.y));
-}
-
+#if TILES
 struct Tile {
   m0: vec3f, m1: vec3f, m2: vec3f, m3: vec3f, lo: vec3f, hi: vec3f,
   width: i32, height: i32, offset: u32, leaf: u32, limit: f32, top: f32,
@@ -266,30 +271,37 @@ fn march(id: u32) {
   }
 }
 
+#endif
+
 fn visitLeaf(link: u32) {
-  if (TILES && (link & TILE) != 0u) {
+#if TILES
+  if ((link & TILE) != 0u) {
     march(link & 0x3fffffffu);
     return;
   }
+#endif
   let first = link & 0x7ffffffu;
   let end = first + ((link >> 27u) & 7u) + 1u;
   for (var i = first; i < end; i++) {
     steps++;
     let prim = word4(u.prims, i);
-    if (DISCS) { intersectDisc(i, prim); } else { intersectTriangle(i, prim); }
+#if DISCS
+    intersectDisc(i, prim);
+#else
+    intersectTriangle(i, prim);
+#endif
     if (anyHit && found.id != NONE) { return; }
   }
 }
 
+// The three of trace.glsl.
+#if LINKS
 fn isSwapped(up: u32) -> bool {
   let axis = up & 3u;
   return select(select(backwards.z, backwards.y, axis == 1u), backwards.x, axis == 0u);
 }
 
-// The three of trace.glsl; `traversal` is set when the pipeline is made.
-override traversal: u32 = 0u;
-
-fn traverseByLinks() {
+fn traverse() {
   var node = 0u;
   var state = 0u;
   loop {
@@ -317,14 +329,17 @@ fn traverseByLinks() {
   }
 }
 
-fn traverseByTrail(hasStack: bool) {
+#else
+fn traverse() {
   var trail = 0u;
   var level = 0x80000000u;
   var popLevel = 0u;
   var current = 0u;
+#if SHORT
   var stack: array<u32, STACK>;
   var top = 0u;
   var kept = 0u;
+#endif
   loop {
     var pop = false;
     if ((current & LEAF) == 0u) {
@@ -343,11 +358,11 @@ fn traverseByTrail(hasStack: bool) {
             current = far;
           } else {
             current = select(words0.w, words2.w, swapped);
-            if (hasStack) {
-              stack[top % STACK] = far;
-              top++;
-              kept = min(kept + 1u, STACK);
-            }
+#if SHORT
+            stack[top % STACK] = far;
+            top++;
+            kept = min(kept + 1u, STACK);
+#endif
           }
         } else if (level != popLevel) {
           trail |= level;
@@ -369,20 +384,24 @@ fn traverseByTrail(hasStack: bool) {
     if ((trail & 0x80000000u) != 0u || trail == 0u) { return; }
     level = trail & ~(trail - 1u);
     popLevel = level;
+#if SHORT
     if (kept > 0u) {
       kept--;
       top--;
       current = stack[top % STACK];
       continue;
     }
+#endif
     current = 0u;
     level = 0x80000000u;
   }
 }
 
+#endif
+
 fn castRay(o: vec3f, d: vec3f, tmin: f32, tmax: f32, any_: bool) {
   anyHit = any_;
   steps = 0u;
-  if (!prepare(o, d, tmin, tmax)) { return; }
-  if (traversal == 2u) { traverseByLinks(); } else { traverseByTrail(traversal == 0u); }
+  if (prepare(o, d, tmin, tmax)) { traverse(); }
 }
+#endif

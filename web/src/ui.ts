@@ -94,7 +94,10 @@ export class Ui {
       view.value = "";
     });
     layer.addEventListener("change", () => this.setLayer(Number(layer.value)));
-    renderer.addEventListener("change", () => void this.page.chooseRenderer(renderer.value));
+    renderer.addEventListener("change", () => this.page.chooseRenderer(renderer.value).catch((error: unknown) => {
+      say(`${renderer.value} cannot draw: ${(error as Error).message}`);
+      this.refresh();
+    }));
     addEventListener("hashchange", () => {
       const camera = cameraOfLink(this.viewer, location.hash);
       if (camera) this.viewer.setCamera(camera);

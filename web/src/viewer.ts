@@ -31,6 +31,8 @@ export class Viewer {
   onChange: () => void = () => {};
   onRefused: (what: string, error: unknown) => void = () => {}; // what the device has no room for
 
+  onFailed: (error: unknown) => void = () => {}; // the renderer draws no more
+
   private renderer_: Renderer | null = null;
   private busy: Promise<unknown> = Promise.resolve();
   private changedAt = -Infinity;
@@ -39,7 +41,7 @@ export class Viewer {
   /** The first picture is there. */
   readonly first = new Promise<void>((done) => (this.begun = done));
   done = 0; // samples of a still picture
-  scale = 0.25; // of a moving picture: its pixels along a side, as a part of the canvas's
+  scale = 0.15; // of a moving picture: its pixels along a side, as a part of the canvas's
   private timer = 0;
 
   constructor(readonly meta: PageMeta, public canvas: HTMLCanvasElement) {
@@ -54,7 +56,7 @@ export class Viewer {
   /** A new renderer gets the level that is shown. */
   setRenderer(renderer: Renderer | null): void {
     this.renderer_ = renderer;
-    if (!renderer) return;
+    if (!renderer) return this.onChange();
     this.canvas = renderer.canvas;
     if (this.level >= 0) this.show(this.level, true);
     else renderer.warm(this.meta.levels[0]!);
@@ -129,7 +131,8 @@ export class Viewer {
   }
 
   private async frame(): Promise<void> {
-    await this.exclusive(() => this.draw()).catch((error: unknown) => console.error(error));
+    const { renderer } = this;
+    await this.exclusive(() => this.draw()).catch((error: unknown) => renderer === this.renderer && this.onFailed(error));
     this.timer = 0;
     if (this.renderer_ && this.level >= 0 && (this.moving || this.done < STILL_SAMPLES)) this.wake();
   }

@@ -7,29 +7,36 @@ import { COVER, kindOf, occlusionPass, presentPass, primaryPass, raysPass, shade
 import type { Kind, Traversal } from "./passes";
 import type { LevelMeta } from "./page";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
-import { HIT_WORDS, NOWHERE, emptyLevel } from "./renderer";
+import { HIT_WORDS } from "./renderer";
 
 type Uniform = number | boolean | number[];
 const MOST_ROWS = 8192; // of a texture
 /** Whole numbers, by name; any other is a float. */
 const INTEGERS = new Set(["rayCount", "radii"]);
 
+/** Compiled and linked while the page goes on; what is wrong with it is said where it is used first. */
 class Program {
   readonly handle: WebGLProgram;
   private readonly places = new Map<string, WebGLUniformLocation | null>();
+  private readonly shaders: WebGLShader[] = [];
+  private linked = false;
   constructor(private readonly gl: WebGL2RenderingContext, vertex: string, fragment: string) {
     this.handle = gl.createProgram()!;
-    const shaders: WebGLShader[] = [];
     for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]] as const) {
       const shader = gl.createShader(kind)!;
       gl.shaderSource(shader, text);
       gl.compileShader(shader);
       gl.attachShader(this.handle, shader);
-      shaders.push(shader);
+      this.shaders.push(shader);
     }
     gl.linkProgram(this.handle);
-    if (!gl.getProgramParameter(this.handle, gl.LINK_STATUS) && !gl.isContextLost())
-      throw new Error(`shaders do not link: ${[gl.getProgramInfoLog(this.handle), ...shaders.map((s) => gl.getShaderInfoLog(s))].join(" ")}`);
+  }
+  use(): void {
+    const gl = this.gl;
+    if (!this.linked && !gl.getProgramParameter(this.handle, gl.LINK_STATUS) && !gl.isContextLost())
+      throw new Error(`shaders do not link: ${[gl.getProgramInfoLog(this.handle), ...this.shaders.map((s) => gl.getShaderInfoLog(s))].join(" ")}`);
+    this.linked = true;
+    gl.useProgram(this.handle);
   }
   place(name: string): WebGLUniformLocation | null {
     if (!this.places.has(name)) this.places.set(name, this.gl.getUniformLocation(this.handle, name));
@@ -47,6 +54,16 @@ class Program {
     else gl.uniform3fv(at, value);
   }
 }
+
+/** A program's shaders, made for what a level holds. */
+export interface Pass {
+  name: string;
+  fragment: (kind: Kind) => string;
+  vertex: (kind: Kind) => string;
+}
+const [PRIMARY, OCCLUSION, RAYS, SHADE, PRESENT] =
+  ([["primary", primaryPass], ["occlusion", occlusionPass], ["rays", raysPass], ["shade", () => shadePass], ["present", () => presentPass]] as const)
+    .map(([name, fragment]): Pass => ({ name, fragment, vertex: () => COVER })) as [Pass, Pass, Pass, Pass, Pass];
 
 interface Target {
   frame: WebGLFramebuffer;
@@ -86,16 +103,20 @@ export class GlRenderer implements Renderer {
     this.empty = this.texture(gl.RGBA32UI, 1, 1, new Uint32Array(4));
   }
 
-  protected program(name: string, make: () => string, vertex = (): string => COVER): Program {
-    if (!this.programs.has(name)) this.programs.set(name, new Program(this.gl, vertex(), make()));
-    const program = this.programs.get(name)!;
-    this.gl.useProgram(program.handle);
+  private program({ name, fragment, vertex }: Pass, kind: Kind | null): Program {
+    const key = name + JSON.stringify(kind);
+    if (!this.programs.has(key)) this.programs.set(key, new Program(this.gl, vertex(kind!), fragment(kind!)));
+    return this.programs.get(key)!;
+  }
+  private use(pass: Pass): Program {
+    const program = this.program(pass, null);
+    program.use();
     return program;
   }
   /** One that traces what is shown, with its textures. */
-  protected tracer(name: string, make: (kind: Kind) => string, vertex?: (kind: Kind) => string): Program {
-    const kind = kindOf(this.traversal, this.shown!.meta, this.layer);
-    const program = this.program(name + JSON.stringify(kind), () => make(kind), vertex && (() => vertex(kind)));
+  protected tracer(pass: Pass): Program {
+    const program = this.program(pass, kindOf(this.traversal, this.shown!.meta, this.layer));
+    program.use();
     this.bindLevel(program);
     return program;
   }
@@ -144,15 +165,14 @@ export class GlRenderer implements Renderer {
     this.level.set(name, this.texture(format, ROW, rows, whole));
   }
 
-  /** By a picture of one pixel, for which nothing waits. */
   warm(meta: LevelMeta): void {
-    this.setLevel(emptyLevel(meta));
-    this.begin(NOWHERE);
-    this.castPrimary(NOWHERE, 0, 1);
-    this.shade(NOWHERE);
-    this.present([0, 0, 0]);
+    for (const pass of this.primaries(meta)) this.program(pass, kindOf(this.traversal, meta, null));
+    for (const pass of [SHADE, PRESENT]) this.program(pass, null);
     this.gl.flush();
-    this.shown = this.sample = null;
+  }
+  /** What finds primary hits. */
+  protected primaries(_: LevelMeta): Pass[] {
+    return [PRIMARY];
   }
 
   setLevel(shown: Shown): void {
@@ -250,7 +270,7 @@ export class GlRenderer implements Renderer {
       }
       const texture = this.texture(gl.RGBA32UI, ROW, rayRows, data);
       const target = this.target(1024, rows, [gl.RGBA32UI, gl.RGBA32UI, gl.RGBA32UI]);
-      const program = this.tracer("rays", raysPass);
+      const program = this.tracer(RAYS);
       this.bind(program, "rays", texture, 10);
       program.set("rayCount", some);
       this.draw(target);
@@ -291,13 +311,13 @@ export class GlRenderer implements Renderer {
 
   /** Rows [from, to) of the primary hits. */
   protected castPrimary(sample: Sample, from: number, to: number): void {
-    const program = this.tracer("primary", primaryPass);
+    const program = this.tracer(PRIMARY);
     this.setCamera(program, sample);
     this.draw(this.surface, [from, to]);
   }
 
   private castOcclusion(sample: Sample, from: number, to: number): void {
-    const program = this.tracer("occlusion", occlusionPass);
+    const program = this.tracer(OCCLUSION);
     this.setCamera(program, sample);
     this.bind(program, "gNormal", this.surface!.textures[0]!, 10);
     const { lo, hi } = this.shown!.data;
@@ -309,7 +329,7 @@ export class GlRenderer implements Renderer {
   }
 
   private shade(sample: Sample): void {
-    const program = this.program("shade", () => shadePass);
+    const program = this.use(SHADE);
     this.setCamera(program, sample);
     this.bind(program, "gNormal", this.surface!.textures[0]!, 10);
     this.bind(program, "gColor", this.surface!.textures[1]!, 11);
@@ -354,7 +374,7 @@ export class GlRenderer implements Renderer {
 
   present(background: [number, number, number]): void {
     if (this.sums.length === 0) return;
-    const program = this.program("present", () => presentPass);
+    const program = this.use(PRESENT);
     this.bind(program, "accumulated", this.sums[0]!.textures[0]!, 10);
     program.set("targetSize", [this.canvas.width, this.canvas.height]);
     program.set("background", background);
@@ -365,7 +385,7 @@ export class GlRenderer implements Renderer {
   async pixels(): Promise<Uint8ClampedArray> {
     const gl = this.gl, { width, height } = this.sums[0]!;
     const target = this.target(width, height, [gl.RGBA8]);
-    const program = this.program("present", () => presentPass);
+    const program = this.use(PRESENT);
     this.bind(program, "accumulated", this.sums[0]!.textures[0]!, 10);
     program.set("onScreen", false);
     this.draw(target);

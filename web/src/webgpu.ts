@@ -2,7 +2,7 @@
 // last pass draws.
 import { keyDirection } from "./camera";
 import type { LevelMeta } from "./page";
-import { TRAVERSALS, kindOf } from "./passes";
+import { kindOf } from "./passes";
 import type { Traversal } from "./passes";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
 import { HIT_WORDS } from "./renderer";
@@ -25,16 +25,30 @@ const UNIFORMS: [string, number][] = [
 const FLOATS = new Set(["sceneLo", "sceneHi", "camPosition", "camCorner", "camRight", "camDown", "keyDirection", "skyUp",
   "camOffset", "layerRange", "background", "skyDistance", "lift", "pixelAngle", "weight", "kept"]);
 
+type Words = Record<string, number | boolean>;
+/** A shader's lines, without those between #if and #else or #endif that are not for these words. */
+function chosen(text: string, words: Words): string {
+  const open: boolean[] = [];
+  return text.split("\n").filter((line) => {
+    if (line[0] !== "#") return open.every(Boolean);
+    if (line[1] === "i") open.push(!!words[line.slice(4)]);
+    else if (line === "#else") open.push(!open.pop());
+    else open.pop();
+    return false;
+  }).join("\n");
+}
+
 type Values = Record<string, number | boolean | number[]>;
 
 export async function makeGpuRenderer(canvas: HTMLCanvasElement, traversal: Traversal,
-                                      onLost: () => void): Promise<Renderer> {
+                                      onFailed: (error: unknown) => void): Promise<Renderer> {
   const adapter = await navigator.gpu?.requestAdapter();
   if (!adapter) throw new Error("no WebGPU");
   const most = adapter.limits.maxStorageBufferBindingSize;
   const device = await adapter.requestDevice({ requiredLimits: {
     maxStorageBufferBindingSize: most, maxBufferSize: adapter.limits.maxBufferSize } });
-  void device.lost.then((info) => info.reason !== "destroyed" && onLost());
+  void device.lost.then((info) => info.reason !== "destroyed" && onFailed(info));
+  device.addEventListener("uncapturederror", ({ error }) => onFailed(error));
   const storage = (binding: number, type: GPUBufferBindingType): GPUBindGroupLayoutEntry =>
     ({ binding, visibility: GPUShaderStage.COMPUTE, buffer: { type } });
   const layout = device.createBindGroupLayout({ entries: [storage(0, "uniform"), storage(1, "read-only-storage"),
@@ -44,7 +58,7 @@ export async function makeGpuRenderer(canvas: HTMLCanvasElement, traversal: Trav
   const format = navigator.gpu.getPreferredCanvasFormat();
   context.configure({ device, format, alphaMode: "opaque" });
   const blitModule = device.createShaderModule({ code: blitText });
-  const blit = await device.createRenderPipelineAsync({ layout: "auto", vertex: { module: blitModule },
+  const blit = device.createRenderPipelineAsync({ layout: "auto", vertex: { module: blitModule },
     fragment: { module: blitModule, targets: [{ format }] } });
   return new GpuRenderer(canvas, traversal, device, layout, context, blit);
 }
@@ -54,6 +68,8 @@ class GpuRenderer implements Renderer {
   private readonly uniforms: GPUBuffer;
   private readonly blitUniforms: GPUBuffer;
   private readonly nothing: GPUBuffer;
+  private readonly blitIsThere: Promise<void>;
+  private blit!: GPURenderPipeline;
   private blocks: GPUBuffer | null = null;
   private texels: GPUBuffer | null = null;
   private picture: GPUBuffer[] = []; // surfaces, lights, sums
@@ -67,27 +83,28 @@ class GpuRenderer implements Renderer {
   private stage = 0;
   private rowsPerMs = 0.5;
 
-  private readonly modules = new Map<string, GPUShaderModule>();
   private readonly pipelines = new Map<string, Promise<GPUComputePipeline>>();
 
   constructor(readonly canvas: HTMLCanvasElement, readonly traversal: Traversal, private readonly device: GPUDevice,
-              private readonly layout: GPUBindGroupLayout, private readonly context: GPUCanvasContext, private readonly blit: GPURenderPipeline) {
+              private readonly layout: GPUBindGroupLayout, private readonly context: GPUCanvasContext, blit: Promise<GPURenderPipeline>) {
     const words = UNIFORMS.reduce((sum, [, count]) => sum + count, 0);
     this.uniforms = device.createBuffer({ size: 4 * words, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
     this.blitUniforms = device.createBuffer({ size: 32, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
     this.nothing = this.buffer(64);
+    this.blitIsThere = blit.then((there) => void (this.blit = there));
+    this.blitIsThere.catch(() => undefined); // told by what waits for it
   }
 
-  /** For what is shown. */
   private pipeline(entryPoint: Pass, meta: LevelMeta, layer: ShownLayer | null): Promise<GPUComputePipeline> {
     const { device } = this, { traversal, tiles, discs, colors, layer: channels } = kindOf(this.traversal, meta, layer);
-    const kind = `const TILES=${tiles};const DISCS=${discs};const COLORS=${colors};const LAYER=${channels}u;`, key = entryPoint + kind;
-    if (!this.modules.has(kind)) this.modules.set(kind, device.createShaderModule({ code: kind + traceText + surfaceText }));
-    if (!this.pipelines.has(key))
+    const casts = entryPoint !== "shade", words: Words = { [entryPoint]: 1, CASTS: casts, SURFACE: casts && entryPoint !== "occlusion",
+      TILES: tiles, DISCS: discs, COLORS: colors, LAYER: channels, TINTED: colors || channels, SHORT: traversal === "short-stack", LINKS: traversal === "parent-link" };
+    const key = casts ? JSON.stringify(words) : entryPoint;
+    if (!this.pipelines.has(key)) {
+      const module = device.createShaderModule({ code: `const LAYER=${channels}u;` + chosen(traceText + surfaceText, words) });
       this.pipelines.set(key, device.createComputePipelineAsync({
-        layout: device.createPipelineLayout({ bindGroupLayouts: [this.layout] }),
-        compute: { module: this.modules.get(kind)!, entryPoint,
-                   constants: entryPoint === "shade" ? {} : { traversal: TRAVERSALS.indexOf(traversal) } } }));
+        layout: device.createPipelineLayout({ bindGroupLayouts: [this.layout] }), compute: { module, entryPoint } }));
+    }
     return this.pipelines.get(key)!;
   }
   warm(meta: LevelMeta): void {
@@ -256,6 +273,7 @@ class GpuRenderer implements Renderer {
         this.stage += this.stage === 0 && !sample.occlusion ? 2 : 1;
         continue;
       }
+      await this.blitIsThere;
       await this.run("shade", values, Math.ceil(rays.width / 8), Math.ceil(rays.height / 8));
       this.sample = null;
       return true;
