@@ -70,6 +70,7 @@ void run(CLI::App& app, Context& context, int argc, char** argv) {
   add_paint(app, context);
   add_sample(app, context);
   add_bake(app, context);
+  add_update(app, context);
   add_batch(app, context);
   add_info(app, context);
   add_validate(app, context);

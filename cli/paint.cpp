@@ -36,16 +36,8 @@ void check_words(const PaintOptions& options) {
 void run_paint(Context& context, const PaintOptions& options) {
   check_words(options);
   const bool from_scan = !options.scan.empty();
-  // Without -o the pair itself is changed, which -f must allow as it does any overwriting.
-  const std::string output = context.output.empty() ? options.file : context.output;
-  std::vector<std::string> inputs = {options.points, options.values, options.scan};
-  if (output != options.file) inputs.insert(inputs.end(), {options.file, atlas_path(options.file)});
-  check_paths_differ(context, inputs, {output, atlas_path(output)});
-  if (context.output.empty())
-    check_rbvh_output(output, context.force);
-  else
-    check_pair_output(context);
-  check_is_pair(options.file);
+  const std::string output =
+      change_output(context, options.file, {options.points, options.values, options.scan});
 
   PointValues paint;
   Scan scan;
@@ -99,9 +91,7 @@ void add_paint(CLI::App& app, Context& context) {
       {"paint", "Write values to a layer of a pair: at points, or from a scan",
        "rbvh paint dragon.rbvh --layer wear --points p.npy --values v.npy --radius 0.01 -o painted.rbvh"},
       kWithOutput | kWithDevice | kWithReport, run_paint);
-  stage->get_option("--output")
-      ->required(false)
-      ->description("the pair to write (default: FILE itself, with -f)");
+  add_change_output(*stage);
   stage->add_option("FILE", options->file, "an .rbvh pair")->required();
   add_parsed(*stage, "--layer", options->layer, parse_name, "NAME",
              "the layer, made where it is not there; or color")

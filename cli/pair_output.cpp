@@ -2,6 +2,8 @@
 
 #include <filesystem>
 
+#include "cli/asset_options.h"
+
 namespace rbvh {
 
 void check_pair_output(const Context& context) {
@@ -11,6 +13,24 @@ void check_pair_output(const Context& context) {
                 "a pair is NAME.rbvh and NAME.atlas.tif beside it; name the output " +
                     std::filesystem::path(path).replace_extension(".rbvh").string());
   check_rbvh_output(context.output, context.force);
+}
+
+void add_change_output(CLI::App& stage) {
+  stage.get_option("--output")
+      ->required(false)
+      ->description("the pair to write (default: FILE itself, with -f)");
+}
+
+std::string change_output(Context& context, const std::string& pair, std::vector<std::string> others) {
+  const std::string output = context.output.empty() ? pair : context.output;
+  if (output != pair) others.insert(others.end(), {pair, atlas_path(pair)});
+  check_paths_differ(context, others, {output, atlas_path(output)});
+  if (context.output.empty())
+    check_rbvh_output(output, context.force);
+  else
+    check_pair_output(context);
+  check_is_pair(pair);
+  return output;
 }
 
 RbvhBytes write_pair(Context& context, const std::string& output, const Rbvh& rbvh, const std::string& what) {

@@ -19,6 +19,7 @@ void add_render(CLI::App& app, Context& context);
 void add_paint(CLI::App& app, Context& context);
 void add_sample(CLI::App& app, Context& context);
 void add_bake(CLI::App& app, Context& context);
+void add_update(CLI::App& app, Context& context);
 void add_trace(CLI::App& app, Context& context);
 void add_batch(CLI::App& app, Context& context);
 void add_info(CLI::App& app, Context& context);

@@ -109,6 +109,20 @@ Json levels_json(const Rbvh& rbvh, const RbvhBytes& bytes) {
   return list;
 }
 
+Json update_json(const UpdateReport& report) {
+  Json levels = Json::array();
+  for (const UpdateReport::PerLevel& level : report.levels)
+    levels.push_back({{"name", level.name},
+                      {"leaves", level.leaves},
+                      {"removed", level.removed},
+                      {"cut", level.cut},
+                      {"added", level.added}});
+  return {{"levels", std::move(levels)},
+          {"change", {{"removed", report.removed_area}, {"added", report.added_area}}},
+          {"phases", {{"cut", report.cut}, {"build", report.build}, {"join", report.join}}},
+          {"notes", report.notes}};
+}
+
 Json mesh_json(const Scan& mesh, const LevelMeshCounts& counts) {
   Json json = {{"vertices", mesh.positions.size()}, {"triangles", mesh.triangles.size()}};
   if (mesh.is_cloud()) return json;

@@ -14,6 +14,7 @@
 #include "pipeline/scan/ingest.h"
 #include "pipeline/trace/trace_patch.h"
 #include "rbvh/mesh.h"
+#include "rbvh/update.h"
 
 namespace rbvh {
 
@@ -35,6 +36,9 @@ nlohmann::ordered_json levels_json(const Rbvh& rbvh, const BuildTimings& timings
 
 /// A list of the levels: what each is derived from, its bytes, its fidelity.
 nlohmann::ordered_json levels_json(const Rbvh& rbvh, const RbvhBytes& bytes);
+
+/// "levels", "change" (of the surface) and "notes"; seconds by phase in "phases".
+nlohmann::ordered_json update_json(const UpdateReport& report);
 
 /// Counts of a level's mesh, or of a cloud's points.
 nlohmann::ordered_json mesh_json(const Scan& mesh, const LevelMeshCounts& counts);

@@ -214,4 +214,19 @@ std::vector<std::string> ingest_lines(const std::string& output, const IngestRep
   return lines;
 }
 
+std::vector<std::string> update_lines(const UpdateReport& report) {
+  std::uint64_t leaves = 0, removed = 0, cut = 0, added = 0;
+  for (const UpdateReport::PerLevel& level : report.levels) {
+    leaves += level.leaves;
+    removed += level.removed;
+    cut += level.cut;
+    added += level.added;
+  }
+  std::vector<std::string> lines = report.notes;
+  lines.push_back(fmt::format(
+      "{:.3g}% of the surface went and {:.3g}% came; {} removed, {} cut, {} added, of {} in all levels",
+      100 * report.removed_area, 100 * report.added_area, counted(removed, "leaf"), cut, added, leaves));
+  return lines;
+}
+
 }  // namespace rbvh

@@ -11,6 +11,7 @@
 #include "pipeline/rbvh/rbvh.h"
 #include "pipeline/scan/ingest.h"
 #include "rbvh/mesh.h"
+#include "rbvh/update.h"
 
 namespace rbvh {
 
@@ -61,6 +62,9 @@ std::vector<std::string> manifold_lines(const ManifoldCounts& counts);
 /// "3000 patches, 1000 texels, 1.2 MB; RMS distance 0.01% to the scan, 0.01% back"; `distance`: of
 /// proxy_measure_json(), `bytes`: of the proxy's files.
 std::string bake_text(const BakeReport& counts, std::uint64_t bytes, const nlohmann::ordered_json& distance);
+
+/// What an update could not keep, and how much of the surface and of the leaves went and came: a line each.
+std::vector<std::string> update_lines(const UpdateReport& report);
 
 /// What was wrong with another program's asset: a line for each count that is not zero.
 std::vector<std::string> import_warnings(const ImportReport& counts);

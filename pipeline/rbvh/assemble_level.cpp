@@ -138,7 +138,7 @@ void store_primitives(Level& level, std::vector<Tile>& tiles, const std::vector<
 }  // namespace
 
 Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Scan& scan, float area,
-                     const Lattice& lattice) {
+                     const Lattice& lattice, const LeafGrid& grid) {
   const std::vector<Vec3f> places = snapped_positions(lattice, scan);
   std::vector<std::uint32_t> first_at_place;
   if (!scan.is_cloud()) first_at_place = find_first_at_place(refined, scan, places);
@@ -152,7 +152,7 @@ Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Sca
   level.phi_degrees = config.phi_degrees;
   level.error = config.error;
   level.lattice = lattice;
-  level.grid = leaf_grid(bounds(scan));
+  level.grid = grid;
   std::vector<RbvhLeaf*> rasterized;
   for (Tile& tile : tiles)
     if (tile.decision == LeafDecision::kRasterize) rasterized.push_back(&tile.leaf);
@@ -169,8 +169,8 @@ Level assemble_level(const LevelConfig& config, RefinedLevel& refined, const Sca
     for (std::size_t k = begin; k < end; ++k) {
       if (tiles[k].decision == LeafDecision::kRasterize) {
         float* const frame = tiles[k].leaf.to_tile;
-        unround_frame(level.grid, round_frame(level.grid, frame), frame);
-        boxes[k] = unround_box(level.grid, round_box(level.grid, tiles[k].bounds));
+        if (grid.frame_step > 0) unround_frame(grid, round_frame(grid, frame), frame);
+        boxes[k] = grid.box_step > 0 ? unround_box(grid, round_box(grid, tiles[k].bounds)) : tiles[k].bounds;
         continue;
       }
       if (scan.is_cloud())

@@ -15,6 +15,7 @@
 #include "pipeline/rbvh/build_tuning.h"
 #include "pipeline/rbvh/group_primitives.h"
 #include "pipeline/rbvh/leaf_primitives.h"
+#include "pipeline/rbvh/leaf_rounding.h"
 #include "pipeline/rbvh/level_rule.h"
 #include "pipeline/rbvh/reached_error.h"
 #include "pipeline/rbvh/refine.h"
@@ -60,32 +61,42 @@ Lattice lattice_of(float error, const Bounds3f& box) {
   return {box.lo, step};
 }
 
+/// `joined`: where it is part of a level that is there already.
 LevelRule make_rule(LevelConfig level, const BuildConfig& config, const ScanPart& part, float area,
-                    const BuildTuning& tuning) {
+                    const BuildTuning& tuning, const JoinedLevel* joined) {
   const bool is_cloud = part.triangles == 0;
   const float diagonal = part.box.diagonal();
   const auto primitives = static_cast<std::uint32_t>(
       std::min<std::uint64_t>(is_cloud ? part.vertices : part.triangles, 0xffffffffu));
-  if (is_cloud) level.rho = cloud_rho(level.rho, primitives);
+  if (is_cloud && joined == nullptr) level.rho = cloud_rho(level.rho, primitives);
   const LevelFacts facts{.is_cloud = is_cloud,
                          .error = config.focus ? 0 : level.error,  // the density varies with the place
                          .rho = level.rho,
                          .texel = primitive_texel(static_cast<double>(area), level.rho) / diagonal,
                          .primitives = primitives};
-  return {.level = level,
-          .config = &config,
-          .area = area,
-          .largest_tile = tuning.largest_tile,
-          .one_sided = tuning.one_sided,
-          .error = finest_error(level, config) * diagonal,
-          .holds_primitives = holds_primitives(config.hybrid, facts)};
+  LevelRule rule{.level = level,
+                 .config = &config,
+                 .area = area,
+                 .largest_tile = tuning.largest_tile,
+                 .one_sided = tuning.one_sided || part.one_sided,
+                 .error = finest_error(level, config) * diagonal,
+                 .holds_primitives = holds_primitives(config.hybrid, facts),
+                 .lattice = {},
+                 .grid = {}};
+  rule.lattice = lattice_of(rule.error, part.box);
+  if (joined == nullptr) return rule;
+  rule.holds_primitives = joined->holds_primitives;
+  rule.lattice = joined->lattice;
+  rule.grid = joined->grid;
+  return rule;
 }
 
 std::vector<LevelRule> make_rules(const BuildConfig& config, const ScanPart& part, float area,
                                   const BuildTuning& tuning) {
   std::vector<LevelRule> rules;
-  for (const LevelConfig& level : config.levels)
-    rules.push_back(make_rule(level, config, part, area, tuning));
+  for (std::size_t i = 0; i < config.levels.size(); ++i)
+    rules.push_back(make_rule(config.levels[i], config, part, area, tuning,
+                              part.joined.empty() ? nullptr : &part.joined[i]));
   return rules;
 }
 
@@ -100,14 +111,18 @@ void sample_error(const Device& device, const Scan& scan, const Bounds3f& box, L
         static_cast<float>(sampled_error(device, level, scan) / static_cast<double>(box.diagonal()));
 }
 
+LeafGrid grid_of(const LevelRule& rule, const Scan& scan) {
+  return rule.grid ? *rule.grid : leaf_grid(bounds(scan));
+}
+
 /// `simplified`: whose primitives it holds.
 Level build_of_primitives(const Device& device, const Scan& scan, const Scan& simplified,
                           const LevelRule& rule, const Bounds3f& box, BuildTimings& time) {
   Stopwatch watch;
-  const Lattice lattice = lattice_of(rule.error, box);
-  RefinedLevel groups = group_primitives(simplified, lattice, rule.one_sided);
+  RefinedLevel groups = group_primitives(simplified, rule.lattice, rule.one_sided);
   time.partition += watch.lap();
-  Level level = assemble_level(rule.level, groups, simplified, rule.area, lattice);
+  Level level =
+      assemble_level(rule.level, groups, simplified, rule.area, rule.lattice, grid_of(rule, simplified));
   sample_error(device, scan, box, level);
   time.pack += watch.lap();
   return level;
@@ -137,7 +152,7 @@ void build_levels_of_primitives(const Device& device, const Scan& scan, std::spa
     if (rule.error > 0 && !scan.is_cloud()) {
       Stopwatch watch;
       own.simplified = simplify(*finer, rule.error, &stays);
-      widen_thin_parts(own.simplified, lattice_of(rule.error, box), stays);
+      widen_thin_parts(own.simplified, rule.lattice, stays);
       own.time.simplify = watch.lap();
       finer = &own.simplified;
     }
@@ -208,7 +223,7 @@ void build_levels_of_tiles(TileSource& source, const Scan& scan, std::span<const
     report(progress, "tiles", static_cast<double>(i) / static_cast<double>(rules.size()));
     Stopwatch level_watch;
     RefinedLevel refined = refine_level(primitives, source.partition, rule, part.own_primitives, watch, time);
-    levels[i] = assemble_level(rule.level, refined, scan, rule.area, lattice_of(rule.error, part.box));
+    levels[i] = assemble_level(rule.level, refined, scan, rule.area, rule.lattice, grid_of(rule, scan));
     sample_error(primitives.device, scan, part.box, levels[i]);
     time.pack += watch.lap();
     time.levels[i] = {rule.level.name, level_watch.lap()};
@@ -347,7 +362,7 @@ float widest_texel(const ScanPart& whole, const BuildConfig& config) {
 
 Rbvh build_part(const Device& device, Scan&& scan, const ScanPart& part, const BuildConfig& config,
                 const Progress& progress, BuildTimings* timings) {
-  RBVH_CHECK(!config.focus && part.own_primitives > 0);
+  RBVH_CHECK((!config.focus || !part.joined.empty()) && part.own_primitives > 0);
   BuildTimings unasked;
   BuildTimings& time = timings != nullptr ? *timings : unasked;
   time = {};

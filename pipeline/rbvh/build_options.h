@@ -35,4 +35,12 @@ struct LayerWords {
 std::string build_options_json(const BuildConfig& config, const std::optional<FocusWords>& focus = {},
                                const LayerWords& layers = {});
 
+/// What such an object tells of how a build was configured: all but the levels. Words that are not known are
+/// passed over, but for a camera's focus without a radius, which asks for the scan: `lacks_focus`. `shift`:
+/// of the pair.
+BuildConfig stored_config(const std::string& options, const Vec3d& shift, bool& lacks_focus);
+
+/// The options, with a count of updates that is one more.
+std::string count_update(const std::string& options);
+
 }  // namespace rbvh

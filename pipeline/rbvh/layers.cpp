@@ -51,6 +51,15 @@ Layer make_layer(const Level& level, const std::string& name, std::uint32_t chan
   return layer;
 }
 
+double mean_scale(const Level& level, const Layer& layer) {
+  double own = 0, heights = 0;
+  for (std::size_t i = 0; i < level.leaves.size(); ++i) {
+    own += layer_tile(level, layer, i).width - 1;
+    heights += level.leaves[i].width - 1;
+  }
+  return own / heights;
+}
+
 LayerPoints layer_points(const Level& level, const Layer& layer) {
   const std::vector<std::uint32_t> firsts = first_primitives(level);
   std::vector<LayerPoints> of_leaves(level.leaves.size());

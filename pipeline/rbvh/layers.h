@@ -18,6 +18,9 @@ namespace rbvh {
 /// atlas would be over 65535 texels wide or high.
 Layer make_layer(const Level& level, const std::string& name, std::uint32_t channels, double scale);
 
+/// So many texels of the layer there are to one of the heights', in the mean.
+double mean_scale(const Level& level, const Layer& layer);
+
 /// The layer's texels that lie on the surface: their places in `texels` (by pixel, not channel) and their
 /// points.
 struct LayerPoints {

@@ -1,6 +1,8 @@
 // A level's parameters applied to nodes of the partition.
 #pragma once
 
+#include <optional>
+
 #include "pipeline/rbvh/build.h"
 #include "pipeline/rbvh/partition.h"
 
@@ -14,6 +16,8 @@ struct LevelRule {
   bool one_sided = false;         ///< BuildTuning's
   float error = 0;                ///< the level's, scan units; 0: its density alone decides
   bool holds_primitives = false;  ///< all its leaves
+  Lattice lattice;                ///< of its primitives
+  std::optional<LeafGrid> grid;   ///< of its frames and boxes; not set: as the scan's bounds ask for
 };
 
 /// Texels per scan unit squared that the level asks for at the node.

@@ -17,5 +17,8 @@ TriangleSoup surface_of(const Level& level);
 void for_each_quad(
     const Level& level,
     const std::function<void(std::uint32_t leaf, std::uint32_t x, std::uint32_t y, std::size_t texel)>& quad);
+/// The same of one tile, as far as the quads' middle lies in `box`.
+void for_each_leaf_quad(const Level& level, const RbvhLeaf& leaf, const Bounds3f& box,
+                        const std::function<void(std::uint32_t x, std::uint32_t y, std::size_t texel)>& quad);
 
 }  // namespace rbvh

@@ -24,13 +24,9 @@ void carry_layers(const Device& device, const Level& from, std::vector<Level>& d
   const PointIndex index = make_point_index(device, from);
   for (const Layer& layer : from.layers) {
     if (!is_users(layer)) continue;
-    double own = 0, heights = 0;
-    for (std::size_t i = 0; i < from.leaves.size(); ++i) {
-      own += layer_tile(from, layer, i).width - 1;
-      heights += from.leaves[i].width - 1;
-    }
+    const double scale = mean_scale(from, layer);
     for (Level& level : derived) {
-      Layer& to = level.layers.emplace_back(make_layer(level, layer.name, layer.channels, own / heights));
+      Layer& to = level.layers.emplace_back(make_layer(level, layer.name, layer.channels, scale));
       const LayerPoints points = layer_points(level, to);
       const auto most = static_cast<float>(2 * texel_side(level));
       set_values(to, points.texels, sample_layer(index, from, layer, points.points, most));
