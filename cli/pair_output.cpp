@@ -22,7 +22,7 @@ void add_change_output(CLI::App& stage) {
 }
 
 std::string change_output(Context& context, const std::string& pair, std::vector<std::string> others) {
-  const std::string output = context.output.empty() ? pair : context.output;
+  std::string output = context.output.empty() ? pair : context.output;
   if (output != pair) others.insert(others.end(), {pair, atlas_path(pair)});
   check_paths_differ(context, others, {output, atlas_path(output)});
   if (context.output.empty())

@@ -6,6 +6,7 @@
 #include "cli/stages.h"
 #include "io/report_json.h"
 #include "io/report_text.h"
+#include "pipeline/device/open_meanwhile.h"
 #include "pipeline/rbvh/update_words.h"
 
 namespace rbvh {
@@ -17,18 +18,18 @@ struct UpdateOptions {
 };
 
 void run_update(Context& context, const UpdateOptions& options) {
-  const int wanted = options.remove.has_value() + options.replace.has_value();
-  if (wanted + (options.add.empty() ? 0 : 1) != 1 || options.replace.has_value() == options.with.empty())
-    throw Error(ErrorKind::kUsage, "",
-                "one change at a time: --remove PART, --add SCAN, or --replace PART --with SCAN");
+  const int wanted = options.remove.has_value() + options.replace.has_value() + !options.add.empty();
+  if (wanted != 1 || options.replace.has_value() == options.with.empty())
+    throw Error(ErrorKind::kUsage, "", "one change: --remove PART, --add SCAN or --replace PART --with SCAN");
   const std::string added = options.with + options.add;
   const std::string output = change_output(context, options.file, {added});
+  std::future<Device> opening = open_meanwhile(context.device);
   Asset pair = load(context, options.file);
-  Scan scan;
-  if (!added.empty()) scan = load_scan(added, context.memory, context.progress.callback());
+  const Scan scan = added.empty() ? Scan() : load_scan(added, context.memory, context.progress.callback());
   time_phase(context, "load");
   const PairPart part = options.replace ? *options.replace : options.remove.value_or(PairPart{});
-  const Device device = open_device(context);
+  const Device device = opening.get();
+  report_device(context, device);
   const PairChange change{part.box, part.object, added.empty() ? nullptr : &scan,
                           options.replace.has_value()};
   const UpdateReport done = update_pair(device, pair, change, context.progress.callback());
@@ -52,7 +53,7 @@ void add_update(CLI::App& app, Context& context) {
              "what goes: x,y,z,x,y,z (what lies in the box with these corners), or object:N");
   add_parsed(*stage, "--replace", options->replace, parse_pair_part, "PART",
              "what --with takes the place of");
-  stage->add_option("--with", options->with, "the scan that does; of a box, what of it lies there")
+  stage->add_option("--with", options->with, "the scan that does; in a box, its part there")
       ->type_name("SCAN");
   stage->add_option("--add", options->add, "a scan that comes, as objects of its own")->type_name("SCAN");
 }

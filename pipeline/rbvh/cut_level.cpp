@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -113,28 +114,6 @@ class Cut {
     }
   }
 
-  void remove(std::uint32_t object) {
-    Scan& primitives = loose_.level.primitives;
-    std::vector<std::uint8_t> keep(primitive_count(loose_.level), 1);
-    std::size_t next = 0;
-    for (std::uint32_t k = 0; k < leaves_.size(); ++k) {
-      const bool goes = leaves_[k].object_id == object;
-      counts_.removed += goes;
-      if (firsts_[k] != RBVH_NO_LEAF && goes)
-        std::fill_n(keep.begin() + static_cast<std::ptrdiff_t>(firsts_[k]), leaves_[k].primitives, 0);
-      if (goes) continue;
-      if (firsts_[k] != RBVH_NO_LEAF)
-        loose_.level.primitive_leaves.push_back(
-            {static_cast<std::uint32_t>(loose_.level.leaves.size()), static_cast<std::uint32_t>(next)});
-      if (firsts_[k] != RBVH_NO_LEAF) next += leaves_[k].primitives;
-      add(k, boxes_[k], is_new_[k] != 0);
-    }
-    if (holds_discs(loose_.level))
-      keep_vertex_entries(primitives, keep);
-    else
-      keep_triangles(primitives, keep);
-  }
-
  private:
   RbvhLeaf& add(std::uint32_t k, const Bounds3f& box, bool is_new) {
     loose_.boxes.push_back(box);
@@ -160,6 +139,7 @@ class Cut {
       if (keep[i] != 0) origins.push_back(i);
     }
     keep_vertex_entries(primitives, keep);
+    if (!loose_.vertices_from.empty()) keep_entries(loose_.vertices_from, keep);
     return origins;
   }
 
@@ -193,7 +173,7 @@ class Cut {
 
   void cut_tile(std::uint32_t k, const Bounds3d& box, BoxSide side) {
     const Bounds3d own = to_double(boxes_[k]);
-    const Level& level = loose_.level;
+    const Level& level = loose_.atlas != nullptr ? *loose_.atlas : loose_.level;
     const bool meets = overlap(own, box);
     if (side == BoxSide::kBoth ||
         (side == BoxSide::kOutside &&
@@ -231,40 +211,59 @@ class Cut {
 
 }  // namespace
 
-namespace {
-
-/// Of nodes over `loose.level`'s leaves.
-void number_leaves(const std::vector<RbvhNode>& nodes, LooseLevel& loose) {
-  const std::size_t leaves = loose.level.leaves.size();
-  loose.boxes.resize(leaves);
-  loose.from.resize(leaves);
-  loose.is_new.resize(leaves);
-  for (const RbvhNode& node : nodes)
+std::vector<Bounds3f> leaf_boxes(const Level& level) {
+  std::vector<Bounds3f> boxes(level.leaves.size());
+  for (const RbvhNode& node : level.nodes)
     if (node.count == 1)
-      loose.boxes[node.first] = {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
-  for (std::uint32_t k = 0; k < leaves; ++k) loose.from[k] = k;
+      boxes[node.first] = {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
+  return boxes;
 }
-
-}  // namespace
 
 LooseLevel loosen(Level&& level) {
   LooseLevel loose;
+  loose.boxes = leaf_boxes(level);
   loose.level = std::move(level);
-  number_leaves(std::exchange(loose.level.nodes, {}), loose);
+  loose.level.nodes.clear();
+  loose.from.resize(loose.boxes.size());
+  std::iota(loose.from.begin(), loose.from.end(), 0u);
+  loose.is_new.resize(loose.boxes.size());
   return loose;
 }
 
-LooseLevel loosen(const Level& level) {
+LooseLevel take_leaves(const Level& level, const std::vector<Bounds3f>& boxes,
+                       const std::vector<std::uint32_t>& leaves) {
+  constexpr std::uint32_t kNone = 0xffffffffu;
   LooseLevel loose;
+  loose.atlas = &level;
+  loose.from = leaves;
+  loose.is_new.resize(leaves.size());
   loose.level.lattice = level.lattice;
   loose.level.grid = level.grid;
-  loose.level.leaves = level.leaves;
-  loose.level.primitive_leaves = level.primitive_leaves;
-  loose.level.primitives = level.primitives;
-  loose.level.atlas_width = level.atlas_width;
-  loose.level.atlas_height = level.atlas_height;
-  loose.level.layers = level.layers;
-  number_leaves(level.nodes, loose);
+  const std::vector<std::uint32_t> firsts = first_primitives(level);
+  const Scan& all = level.primitives;
+  Scan& own = loose.level.primitives;
+  std::vector<std::uint32_t> numbers(all.positions.size(), kNone);
+  const auto number = [&](std::uint32_t vertex) {
+    if (numbers[vertex] != kNone) return numbers[vertex];
+    loose.vertices_from.push_back(vertex);
+    own.positions.push_back(all.positions[vertex]);
+    own.normals.push_back(all.normals[vertex]);
+    if (!all.colors.empty()) own.colors.push_back(all.colors[vertex]);
+    if (!all.radii.empty()) own.radii.push_back(all.radii[vertex]);
+    return numbers[vertex] = static_cast<std::uint32_t>(own.positions.size() - 1);
+  };
+  for (const std::uint32_t leaf : leaves) {
+    loose.boxes.push_back(boxes[leaf]);
+    const auto at = static_cast<std::uint32_t>(loose.level.leaves.size());
+    loose.level.leaves.push_back(level.leaves[leaf]);
+    if (firsts[leaf] == RBVH_NO_LEAF) continue;
+    loose.level.primitive_leaves.push_back({at, static_cast<std::uint32_t>(primitive_count(loose.level))});
+    for (std::uint32_t i = firsts[leaf]; i < firsts[leaf] + level.leaves[leaf].primitives; ++i) {
+      Triangle t = primitive_corners(all, i);
+      for (std::uint32_t& corner : t) corner = number(corner);
+      if (all.radii.empty()) own.triangles.push_back(t);
+    }
+  }
   return loose;
 }
 
@@ -274,14 +273,9 @@ CutCounts cut_level(LooseLevel& loose, const Bounds3d& box, BoxSide side) {
   return counts;
 }
 
-CutCounts remove_object(LooseLevel& loose, std::uint32_t object) {
-  CutCounts counts;
-  Cut(loose, counts).remove(object);
-  return counts;
-}
+namespace {
 
-double surface_area(const LooseLevel& loose) {
-  const Level& level = loose.level;
+double surface_area(const Level& level, const Level& atlas, const std::vector<Bounds3f>& boxes) {
   const Scan& primitives = level.primitives;
   double area = 0;
   for (const float r : primitives.radii) area += static_cast<double>(r) * static_cast<double>(r);
@@ -292,16 +286,25 @@ double surface_area(const LooseLevel& loose) {
   const std::vector<std::uint32_t> firsts = first_primitives(level);
   for (std::size_t k = 0; k < level.leaves.size(); ++k) {
     if (firsts[k] != RBVH_NO_LEAF) continue;
-    const std::vector<std::uint16_t>& heights = level.layers.at(0).texels;
+    const std::vector<std::uint16_t>& heights = atlas.layers.at(0).texels;
     const TileFrame frame(level.leaves[k]);
-    for_each_leaf_quad(level, level.leaves[k], loose.boxes[k],
-                       [&](std::uint32_t, std::uint32_t, std::size_t at) {
-                         const double along_u = heights[at + 1] - heights[at],
-                                      along_v = heights[at + level.atlas_width] - heights[at];
-                         area += length(cross(frame.u + frame.w * along_u, frame.v + frame.w * along_v));
-                       });
+    for_each_leaf_quad(atlas, level.leaves[k], boxes[k], [&](std::uint32_t, std::uint32_t, std::size_t at) {
+      const double along_u = heights[at + 1] - heights[at],
+                   along_v = heights[at + atlas.atlas_width] - heights[at];
+      area += length(cross(frame.u + frame.w * along_u, frame.v + frame.w * along_v));
+    });
   }
   return area;
+}
+
+}  // namespace
+
+double surface_area(const LooseLevel& loose) {
+  return surface_area(loose.level, loose.atlas != nullptr ? *loose.atlas : loose.level, loose.boxes);
+}
+
+double surface_area(const Level& level, const std::vector<Bounds3f>& boxes) {
+  return surface_area(level, level, boxes);
 }
 
 }  // namespace rbvh

@@ -12,15 +12,23 @@ namespace rbvh {
 /// Leaves in any order, without nodes. Several may have one tile, of which each shows another part.
 struct LooseLevel {
   Level level;
+  const Level* atlas = nullptr;      ///< whose layers hold the tiles' texels; nullptr: the level's own
   std::vector<Bounds3f> boxes;       ///< of the leaves
-  std::vector<std::uint32_t> from;   ///< their numbers before it was cut
-  std::vector<std::uint8_t> is_new;  ///< whether the leaf's primitives are others (1) than before
-  std::vector<CutEdge> cuts;         ///< of triangles, by the last cut; `of` is the object
+  std::vector<std::uint32_t> from;   ///< their numbers in the level they are of
+  std::vector<std::uint8_t> is_new;  ///< whether the leaf's primitives are others (1) than there
+  std::vector<std::uint32_t> vertices_from;  ///< numbers there of the primitives' vertices, but the last ones
+  std::vector<CutEdge> cuts;                 ///< of triangles, by the last cut; `of` is the object
 };
 
+/// Of a level's leaves.
+std::vector<Bounds3f> leaf_boxes(const Level& level);
+
 LooseLevel loosen(Level&& level);
-/// A copy.
-LooseLevel loosen(const Level& level);
+
+/// A copy of these leaves, in ascending order, and their primitives; texels stay where they are. `boxes`: of
+/// all leaves.
+LooseLevel take_leaves(const Level& level, const std::vector<Bounds3f>& boxes,
+                       const std::vector<std::uint32_t>& leaves);
 
 struct CutCounts {
   std::uint64_t removed = 0, cut = 0;  ///< leaves that went, and those of which a part went
@@ -31,10 +39,8 @@ struct CutCounts {
 /// keep their texels: boxes of leaves end at the box's faces, to the level's grid.
 CutCounts cut_level(LooseLevel& loose, const Bounds3d& box, BoxSide side);
 
-/// Without the object's leaves.
-CutCounts remove_object(LooseLevel& loose, std::uint32_t object);
-
 /// Of all leaves; scan units squared. Of a disc the square of its radius.
 double surface_area(const LooseLevel& loose);
+double surface_area(const Level& level, const std::vector<Bounds3f>& boxes);
 
 }  // namespace rbvh

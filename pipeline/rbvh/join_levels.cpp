@@ -58,14 +58,18 @@ Level without_content(const Level& of) {
 
 class LevelJoin {
  public:
-  LevelJoin(const Level& before, LooseLevel& kept, LooseLevel& added, float texel, JoinCounts& counts)
-      : before_(before), kept_(kept), added_(added), texel_(texel), counts_(counts) {}
+  LevelJoin(const Level& before, const std::vector<std::uint32_t>& untouched, LooseLevel& kept,
+            LooseLevel& added, float texel, JoinCounts& counts)
+      : before_(before), untouched_(untouched), kept_(kept), added_(added), texel_(texel), counts_(counts) {}
 
   Level run() {
     match_standard_layers();
     Level& level = result_;
     level = without_content(before_);
-    std::vector<Bounds3f> boxes = kept_.boxes;
+    const std::vector<Bounds3f> all = leaf_boxes(before_);
+    std::vector<Bounds3f> boxes;
+    for (const std::uint32_t leaf : untouched_) boxes.push_back(all[leaf]);
+    boxes.insert(boxes.end(), kept_.boxes.begin(), kept_.boxes.end());
     boxes.insert(boxes.end(), added_.boxes.begin(), added_.boxes.end());
     LeafHierarchy tree = build_leaf_hierarchy(boxes);
     level.nodes = std::move(tree.nodes);
@@ -83,14 +87,25 @@ class LevelJoin {
   }
 
  private:
-  bool is_kept(std::uint32_t leaf) const { return order_[leaf] < kept_.boxes.size(); }
+  bool is_untouched(std::uint32_t leaf) const { return order_[leaf] < untouched_.size(); }
+  /// Untouched, or cut from the level.
+  bool is_kept(std::uint32_t leaf) const { return order_[leaf] < untouched_.size() + kept_.boxes.size(); }
   /// The leaf's number in its part.
   std::uint32_t number(std::uint32_t leaf) const {
-    return order_[leaf] - (is_kept(leaf) ? 0 : static_cast<std::uint32_t>(kept_.boxes.size()));
+    if (is_untouched(leaf)) return untouched_[order_[leaf]];
+    return order_[leaf] -
+           static_cast<std::uint32_t>(untouched_.size() + (is_kept(leaf) ? 0 : kept_.boxes.size()));
   }
   const LooseLevel& part(std::uint32_t leaf) const { return is_kept(leaf) ? kept_ : added_; }
-  const RbvhLeaf& leaf_before(std::uint32_t leaf) const { return part(leaf).level.leaves[number(leaf)]; }
-  bool is_new(std::uint32_t leaf) const { return part(leaf).is_new[number(leaf)] != 0; }
+  const Level& level_of(std::uint32_t leaf) const { return is_untouched(leaf) ? before_ : part(leaf).level; }
+  const RbvhLeaf& leaf_before(std::uint32_t leaf) const { return level_of(leaf).leaves[number(leaf)]; }
+  bool is_new(std::uint32_t leaf) const {
+    return !is_untouched(leaf) && part(leaf).is_new[number(leaf)] != 0;
+  }
+  /// The leaf of `before` that one which is kept comes from.
+  std::uint32_t origin(std::uint32_t leaf) const {
+    return is_untouched(leaf) ? number(leaf) : kept_.from[number(leaf)];
+  }
 
   /// Gives what is added the level's own layers.
   void match_standard_layers() {
@@ -110,21 +125,27 @@ class LevelJoin {
   }
 
   void gather_leaves() {
-    const std::vector<std::uint32_t> firsts[2] = {first_primitives(kept_.level),
+    const std::vector<std::uint32_t> firsts[3] = {first_primitives(before_), first_primitives(kept_.level),
                                                   first_primitives(added_.level)};
-    std::vector<std::uint32_t> numbers[2] = {
+    // Vertices that untouched leaves share with others stay shared.
+    std::vector<std::uint32_t> numbers[3] = {
+        std::vector<std::uint32_t>(before_.primitives.positions.size(), kNone),
         std::vector<std::uint32_t>(kept_.level.primitives.positions.size(), kNone),
         std::vector<std::uint32_t>(added_.level.primitives.positions.size(), kNone)};
+    reserve();
     Level& level = result_;
     for (std::uint32_t k = 0; k < order_.size(); ++k) {
       level.leaves.push_back(leaf_before(k));
-      const std::size_t side = is_kept(k) ? 0 : 1;
+      const std::size_t side = is_untouched(k) ? 0 : is_kept(k) ? 1 : 2;
       const std::uint32_t first = firsts[side][number(k)];
       if (first == RBVH_NO_LEAF) continue;
       level.primitive_leaves.push_back({k, count_});
       count_ += leaf_before(k).primitives;
       for (std::uint32_t i = first; i < first + leaf_before(k).primitives; ++i)
-        add_primitive(part(k).level, i, numbers[side]);
+        add_primitive(level_of(k), i, [&](std::uint32_t vertex) -> std::uint32_t& {
+          const bool is_old = side == 1 && vertex < kept_.vertices_from.size();
+          return is_old ? numbers[0][kept_.vertices_from[vertex]] : numbers[side][vertex];
+        });
     }
     has_primitives_ = !level.primitive_leaves.empty();
     Scan& primitives = level.primitives;
@@ -139,15 +160,33 @@ class LevelJoin {
         fit_frame(primitives, leaf.first, texel_, level.leaves[leaf.leaf]);
   }
 
-  void add_primitive(const Level& from, std::uint32_t i, std::vector<std::uint32_t>& numbers) {
+  /// For more than there will be.
+  void reserve() {
+    const Scan* const parts[3] = {&before_.primitives, &kept_.level.primitives, &added_.level.primitives};
+    std::size_t vertices = 0, triangles = 0;
+    for (const Scan* part : parts) {
+      vertices += part->positions.size();
+      triangles += part->triangles.size();
+    }
+    Scan& to = result_.primitives;
+    to.positions.reserve(vertices);
+    to.normals.reserve(vertices);
+    to.triangles.reserve(triangles);
+    result_.leaves.reserve(order_.size());
+  }
+
+  /// `number`: the vertex's in the result, or kNone.
+  template <class Number>
+  void add_primitive(const Level& from, std::uint32_t i, Number&& number) {
     Scan& to = result_.primitives;
     const auto add_vertex = [&](std::uint32_t vertex) {
-      if (numbers[vertex] != kNone) return numbers[vertex];
+      std::uint32_t& own = number(vertex);
+      if (own != kNone) return own;
       to.positions.push_back(from.primitives.positions[vertex]);
       to.normals.push_back(from.primitives.normals[vertex]);
       if (!from.primitives.colors.empty()) to.colors.push_back(from.primitives.colors[vertex]);
       if (holds_discs(from)) to.radii.push_back(from.primitives.radii[vertex]);
-      return numbers[vertex] = static_cast<std::uint32_t>(to.positions.size() - 1);
+      return own = static_cast<std::uint32_t>(to.positions.size() - 1);
     };
     if (holds_discs(from)) {
       add_vertex(i);
@@ -165,7 +204,7 @@ class LevelJoin {
     for (std::size_t i = 0; i < tiles.size(); ++i) {
       const std::uint32_t leaf = leaves[i];
       if (!is_kept(leaf) || (is_new(leaf) && has_primitives_ && is_primitive(leaf))) continue;
-      has_place[i] = std::exchange(is_claimed[kept_.from[number(leaf)]], std::uint8_t{1}) == 0 ? 1 : 0;
+      has_place[i] = std::exchange(is_claimed[origin(leaf)], std::uint8_t{1}) == 0 ? 1 : 0;
     }
     return place_tiles(tiles, has_place, size);
   }
@@ -256,7 +295,7 @@ class LevelJoin {
         from[k] = {sampled[k].data(), sized.width, sized};
       } else if (is_kept(k)) {
         from[k] = {own.texels.data(), atlas_size(before_, layer)[0],
-                   layer.tiles.empty() ? rectangle(leaf_before(k)) : layer.tiles[kept_.from[number(k)]]};
+                   layer.tiles.empty() ? rectangle(leaf_before(k)) : layer.tiles[origin(k)]};
       } else if (!brought.texels.empty()) {
         from[k] = {brought.texels.data(), atlas_size(added_.level, brought)[0],
                    layer_tile(added_.level, brought, number(k))};
@@ -285,7 +324,7 @@ class LevelJoin {
     const auto at = std::lower_bound(result_.primitive_leaves.begin(), result_.primitive_leaves.end(), leaf,
                                      [](const RbvhPrimitiveLeaf& a, std::uint32_t b) { return a.leaf < b; });
     const LeafSurface surface(result_, leaf, at->first);
-    const std::uint32_t old = kept_.from[number(leaf)];
+    const std::uint32_t old = origin(leaf);
     const LayerGrid grid(before_, own, old);
     const RbvhLeaf& now = result_.leaves[leaf];
     std::vector<std::uint16_t> codes(std::size_t{tile.width} * tile.height * own.channels);
@@ -329,11 +368,12 @@ class LevelJoin {
   }
 
   const Level& before_;
+  const std::vector<std::uint32_t>& untouched_;
   LooseLevel &kept_, &added_;
   float texel_;
   JoinCounts& counts_;
   Level result_;
-  std::vector<std::uint32_t> order_;        ///< leaf -> number among those kept and then added
+  std::vector<std::uint32_t> order_;        ///< leaf -> number among those untouched, kept, added
   std::vector<std::uint32_t> tile_leaves_;  ///< those with tiles
   std::uint32_t count_ = 0;                 ///< of primitives
   bool has_primitives_ = false;
@@ -341,10 +381,10 @@ class LevelJoin {
 
 }  // namespace
 
-Level join_levels(const Level& before, LooseLevel&& kept, LooseLevel&& added, float texel,
-                  JoinCounts& counts) {
-  RBVH_CHECK(!kept.boxes.empty() || !added.boxes.empty());
-  return LevelJoin(before, kept, added, texel, counts).run();
+Level join_levels(const Level& before, const std::vector<std::uint32_t>& untouched, LooseLevel&& kept,
+                  LooseLevel&& added, float texel, JoinCounts& counts) {
+  RBVH_CHECK(!untouched.empty() || !kept.boxes.empty() || !added.boxes.empty());
+  return LevelJoin(before, untouched, kept, added, texel, counts).run();
 }
 
 }  // namespace rbvh

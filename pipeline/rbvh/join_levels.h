@@ -15,11 +15,12 @@ struct JoinCounts {
   std::vector<std::string> lacking;  ///< a user's layers without values there
 };
 
-/// The level `before` with the leaves `kept`, which were cut from it, and `added`, whose frames and positions
-/// are rounded to the same grid and lattice. The result has the layers of `before`. Leaves that are not new
-/// stay as they are, tiles in their places where most of the atlas is used. A user's layers over new leaves
-/// of primitives are sampled from `before`. `texel`: primitive_texel() of the level. There must be a leaf.
-Level join_levels(const Level& before, LooseLevel&& kept, LooseLevel&& added, float texel,
-                  JoinCounts& counts);
+/// The level `before` with its leaves `untouched` (in ascending order), `kept`, which were cut from others of
+/// it, and `added`, whose frames and positions are rounded to the same grid and lattice. The result has the
+/// layers of `before`. Leaves that are not new stay as they are, tiles in their places where most of the
+/// atlas is used. A user's layers over new leaves of primitives are sampled from `before`. `texel`:
+/// primitive_texel() of the level. There must be a leaf.
+Level join_levels(const Level& before, const std::vector<std::uint32_t>& untouched, LooseLevel&& kept,
+                  LooseLevel&& added, float texel, JoinCounts& counts);
 
 }  // namespace rbvh

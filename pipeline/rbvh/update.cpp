@@ -114,11 +114,14 @@ Scan triangles_near(const Scan& mesh, const Bounds3d& box) {
       near.properties[i].values.push_back(mesh.properties[i].values[vertex]);
     return numbers[vertex] = static_cast<std::uint32_t>(near.positions.size() - 1);
   };
+  const auto is_beside = [&](float p, float q, float r, int axis) {
+    return static_cast<double>(std::max({p, q, r})) < box.lo[axis] ||
+           static_cast<double>(std::min({p, q, r})) > box.hi[axis];
+  };
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     Triangle t = mesh.triangles[i];
-    Bounds3d own;
-    for (const std::uint32_t vertex : t) own.add(Vec3d(mesh.positions[vertex]));
-    if (!overlap(own, box)) continue;
+    const Vec3f &a = mesh.positions[t[0]], &b = mesh.positions[t[1]], &c = mesh.positions[t[2]];
+    if (is_beside(a.x, b.x, c.x, 0) || is_beside(a.y, b.y, c.y, 1) || is_beside(a.z, b.z, c.z, 2)) continue;
     for (std::uint32_t& vertex : t) vertex = number(vertex);
     near.triangles.push_back(t);
     if (!mesh.object_ids.empty()) near.object_ids.push_back(mesh.object_ids[i]);
@@ -141,8 +144,8 @@ std::uint64_t count_within(const Scan& scan, const Bounds3d& box) {
                     [&](const Triangle& t) { return contains(box, center(t)); }));
 }
 
-/// The part of the scan in the box and `margin` past it.
-Scan part_within(const Scan& scan, const Bounds3d& box, double margin) {
+/// The part of the scan in the box and `margin` past it. `count`: of its primitives in the box.
+Scan part_within(const Scan& scan, const Bounds3d& box, double margin, std::uint64_t& count) {
   const Bounds3d wide = grown(box, margin);
   Scan part;
   bool is_empty = false;
@@ -151,9 +154,11 @@ Scan part_within(const Scan& scan, const Bounds3d& box, double margin) {
     for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = contains(wide, Vec3d(scan.positions[i])) ? 1 : 0;
     part = scan;
     keep_vertices(part, keep);
-    is_empty = count_within(part, box) == 0;
+    count = count_within(part, box);
+    is_empty = count == 0;
   } else {
     part = triangles_near(scan, wide);
+    count = count_within(part, box);
     clip_triangles(part, wide, BoxSide::kInside, {});
     part = triangles_near(part, wide);  // without the vertices that are left over
     Scan inside = part;
@@ -165,10 +170,13 @@ Scan part_within(const Scan& scan, const Bounds3d& box, double margin) {
 }
 
 /// What is built, with the objects that it has in the pair.
-Scan scan_to_build(const Rbvh& rbvh, const PairChange& change, std::int32_t replaced) {
+Scan scan_to_build(const Rbvh& rbvh, const PairChange& change, std::int32_t replaced,
+                   std::uint64_t& primitives) {
+  const Scan& added = *change.added;
+  primitives = added.is_cloud() ? added.positions.size() : added.triangles.size();
   Scan scan = change.is_replacement && change.box
-                  ? part_within(*change.added, *change.box, build_margin(rbvh))
-                  : *change.added;
+                  ? part_within(added, *change.box, build_margin(rbvh), primitives)
+                  : added;
   const std::size_t count = scan.is_cloud() ? scan.positions.size() : scan.triangles.size();
   if (change.is_replacement) {
     if (change.object || scan.object_ids.empty()) scan.object_ids.assign(count, replaced);
@@ -288,7 +296,7 @@ class Update {
       if (!units.empty() && own != "unknown" && units != own)
         report_.notes.push_back("what is added is in " + units + " and the pair in " + own +
                                 "; nothing is converted");
-      scan_ = scan_to_build(before_, change_, change_.object.value_or(object_));
+      scan_ = scan_to_build(before_, change_, change_.object.value_or(object_), primitives_);
       std::vector<std::uint8_t> border;
       if (change_.is_replacement && change_.box && !scan_.is_cloud())
         border = find_border(scan_, grown(*change_.box, build_margin(before_)));
@@ -309,6 +317,8 @@ class Update {
   void cut() {
     std::vector<std::future<CutCounts>> cuts;
     kept_.resize(before_.levels.size());
+    untouched_.resize(kept_.size());
+    reached_.resize(kept_.size());
     for (std::size_t i = 0; i < kept_.size(); ++i)
       cuts.push_back(std::async(std::launch::async, [this, i] { return cut(i); }));
     std::uint64_t touched = 0;
@@ -321,13 +331,27 @@ class Update {
   }
 
   CutCounts cut(std::size_t i) {
-    LooseLevel& kept = kept_[i] = loosen(before_.levels[i]);
-    if (i == 0) area_before_ = surface_area(kept);
+    const Level& level = before_.levels[i];
+    const std::vector<Bounds3f> boxes = leaf_boxes(level);
+    const auto goes = [&](std::uint32_t leaf) {
+      if (change_.box) return overlap(to_double(boxes[leaf]), *change_.box);
+      return change_.object && level.leaves[leaf].object_id == static_cast<std::uint32_t>(*change_.object);
+    };
+    std::vector<std::uint32_t> touched;
+    for (std::uint32_t leaf = 0; leaf < boxes.size(); ++leaf)
+      (goes(leaf) ? touched : untouched_[i]).push_back(leaf);
+    LooseLevel& kept = kept_[i] = take_leaves(level, boxes, touched);
+    if (i == 0) area_before_ = surface_area(level, boxes);
+    if (i == 0) area_kept_ = area_before_ - surface_area(kept);
     if (i == 0 && change_.box) object_ = object_in(kept, *change_.box);
     CutCounts counts;
-    if (change_.box) counts = cut_level(kept, *change_.box, BoxSide::kOutside);
-    if (change_.object) counts = remove_object(kept, static_cast<std::uint32_t>(*change_.object));
-    if (i == 0) area_kept_ = surface_area(kept);
+    if (change_.box) {
+      counts = cut_level(kept, *change_.box, BoxSide::kOutside);
+    } else {
+      counts.removed = touched.size();
+      kept = {};
+    }
+    if (i == 0) area_kept_ += surface_area(kept);
     return counts;
   }
 
@@ -358,29 +382,27 @@ class Update {
       cut_level(added, *change_.box, BoxSide::kBoth);
       close_seam(kept_[i], added, seam_width(before_, before));
     }
-    if (kept_[i].boxes.empty() && added.boxes.empty())
-      refuse(ErrorKind::kUsage, "nothing would be left of level " + before.name);
+    const std::size_t leaves = untouched_[i].size() + kept_[i].boxes.size() + added.boxes.size();
+    if (leaves == 0) refuse(ErrorKind::kUsage, "nothing would be left of level " + before.name);
     if (i == 0) area_added_ = surface_area(added);
     report_.levels[i].added = added.boxes.size();
-    report_.levels[i].leaves = kept_[i].boxes.size() + added.boxes.size();
+    report_.levels[i].leaves = leaves;
     const float texel = primitive_texel(before_.source.area, before.rho);
     if (!added.boxes.empty()) add_users_layers(before, texel, scan_, added);
-    const float reached = reached_by(before, kept_[i], added);
+    reached_[i] = added.level.reached;
     JoinCounts counts;
-    Level level = join_levels(before, std::move(kept_[i]), std::move(added), texel, counts);
-    level.reached = reached;
+    Level level = join_levels(before, untouched_[i], std::move(kept_[i]), std::move(added), texel, counts);
     return {std::move(level), std::move(counts)};
   }
 
   /// Errors count by area, taken for evenly spread over what was there.
-  static float reached_by(const Level& before, const LooseLevel& kept, const LooseLevel& added) {
-    if (!(before.reached > 0) || added.boxes.empty()) return before.reached;
-    const double old_area = surface_area(kept), new_area = surface_area(added), all = old_area + new_area,
-                 old_error = static_cast<double>(before.reached),
-                 new_error = static_cast<double>(added.level.reached);
-    if (!(all > 0)) return before.reached;
+  float reached_by(std::size_t i) const {
+    const auto old_error = static_cast<double>(before_.levels[i].reached),
+               new_error = static_cast<double>(reached_[i]);
+    const double all = area_kept_ + area_added_;
+    if (!(old_error > 0) || !(area_added_ > 0) || !(all > 0)) return before_.levels[i].reached;
     return static_cast<float>(
-        std::sqrt((old_area * old_error * old_error + new_area * new_error * new_error) / all));
+        std::sqrt((area_kept_ * old_error * old_error + area_added_ * new_error * new_error) / all));
   }
 
   void say_lacks(const JoinCounts& lacks) {
@@ -409,10 +431,11 @@ class Update {
     count_primitives(kept);
     const float scale =
         source.bounds.diagonal() > 0 ? before_.source.bounds.diagonal() / source.bounds.diagonal() : 1;
-    for (Level& level : after_.levels) {
+    for (std::size_t i = 0; i < after_.levels.size(); ++i) {
+      Level& level = after_.levels[i];
       scale_rho(level, before_.source.area, source.area);
       level.error *= scale;
-      level.reached *= scale;
+      level.reached = reached_by(i) * scale;
       level.fidelity = {};
     }
   }
@@ -424,14 +447,13 @@ class Update {
           static_cast<std::uint64_t>(std::llround(static_cast<double>(before) * kept)), 1);
     };
     RbvhSource& source = after_.source;
-    std::uint64_t vertices = 0, primitives = 0;
+    std::uint64_t vertices = 0;
     if (const Scan* added = change_.added; added != nullptr) {
       const std::size_t all = added->is_cloud() ? added->positions.size() : added->triangles.size();
-      primitives = change_.is_replacement && change_.box ? count_within(*added, *change_.box) : all;
-      vertices = added->positions.size() * primitives / all;
+      vertices = added->positions.size() * primitives_ / all;
     }
     source.vertices = left(source.vertices) + vertices;
-    if (source.triangles > 0) source.triangles = left(source.triangles) + primitives;
+    if (source.triangles > 0) source.triangles = left(source.triangles) + primitives_;
   }
 
   const Device& device_;
@@ -441,10 +463,13 @@ class Update {
   Stopwatch watch_;
   UpdateReport report_;
   Rbvh after_;
-  std::vector<LooseLevel> kept_;
+  std::vector<std::vector<std::uint32_t>> untouched_;  // leaves of each level
+  std::vector<LooseLevel> kept_;                       // what is left of the others
   std::vector<Level> added_;
-  Scan scan_;                // what was built of it
-  std::int32_t object_ = 0;  // that the box is in
+  Scan scan_;                     // what was built of it
+  std::uint64_t primitives_ = 0;  // of these those that are counted
+  std::int32_t object_ = 0;       // that the box is in
+  std::vector<float> reached_;    // by what is added
   double area_before_ = 0, area_kept_ = 0, area_added_ = 0;
 };
 

@@ -75,9 +75,9 @@ TEST_F(UpdateCli, ABoxIsInTheFilesCoordinates) {
 }
 
 TEST_F(UpdateCli, RefusalsAreALine) {
-  bad("update a.rbvh -o b.rbvh", 2, "one change at a time");
+  bad("update a.rbvh -o b.rbvh", 2, "one change: ");
   bad("update a.rbvh --replace 0,0,0,1,1,1 -o b.rbvh", 2, "--with");
-  bad("update a.rbvh --remove 0,0,0,1,1,1 --add ball.ply -o b.rbvh", 2, "one change at a time");
+  bad("update a.rbvh --remove 0,0,0,1,1,1 --add ball.ply -o b.rbvh", 2, "one change: ");
   bad("update a.rbvh --remove 0,0,0,1,1 -o b.rbvh", 2, "--remove: '0,0,0,1,1' is not a box");
   bad("update a.rbvh --remove 0,0,0,1,1,0 -o b.rbvh", 2, "is not a box with a volume");
   bad("update a.rbvh --remove object:x -o b.rbvh", 2, "--remove");
