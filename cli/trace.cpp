@@ -1,7 +1,6 @@
 // rbvh trace: casts the rays of a .npy file and writes what they hit.
 #include <spdlog/fmt/fmt.h>
 
-#include <algorithm>
 #include <cmath>
 #include <future>
 #include <memory>
@@ -11,16 +10,12 @@
 #include "cli/common.h"
 #include "cli/exact_options.h"
 #include "cli/stages.h"
-#include "io/npy.h"
 #include "io/output_file.h"
+#include "io/ray_file.h"
 #include "pipeline/device/open_meanwhile.h"
-#include "pipeline/scan/precision.h"
-#include "pipeline/trace/ray_table.h"
 
 namespace rbvh {
 namespace {
-
-constexpr std::size_t kRayColumns[] = {6, 8};
 
 double parse_cone(std::string_view text) {
   const double degrees = parse_between(text, 0, 180);
@@ -37,15 +32,6 @@ struct TraceOptions {
   bool any = false, shifted = false;
 };
 
-/// Float32 of large coordinates is too coarse for rays at a scan that is shifted for that.
-void warn_of_coarse_rays(Context& context, const std::string& path, const Asset& asset, Vec3d shift) {
-  const double step = float_step(std::max({std::abs(shift.x), std::abs(shift.y), std::abs(shift.z)}));
-  if (step > 1e-5 * static_cast<double>(asset.bounds.diagonal()))
-    warn(context, fmt::format("{}: rays are float32, whose steps are {:.2g} wide at these coordinates; save "
-                              "them as float64, or use --coordinates shifted",
-                              path, step));
-}
-
 void run_trace(Context& context, const TraceOptions& options) {
   const ExactConfig exact = exact_config(options.exact.tracer, options.exact.builder);
   if ((options.levels == std::vector<std::string>{"auto"}) != options.cone.has_value())
@@ -53,11 +39,14 @@ void run_trace(Context& context, const TraceOptions& options) {
   check_proxy_options(options.proxies, {options.file});
   check_paths_differ(context, {options.file, options.rays}, {context.output});
   check_output(context.output, context.force);
-  NpyReader rays(options.rays, kRayColumns);
+  NpyReader rays = open_rays(options.rays);
   std::future<Device> opening = open_meanwhile(context.device);
   const Asset asset = load(context, options.file, {.levels = options.levels});
   const Vec3d shift = given_shift(asset, options.shifted);
-  if (!rays.is_double() && shift != Vec3d{}) warn_of_coarse_rays(context, options.rays, asset, shift);
+  if (const double step = coarse_step(rays, asset, shift); step > 0)
+    warn(context, fmt::format("{}: rays are float32, whose steps are {:.2g} wide at these coordinates; save "
+                              "them as float64, or use --coordinates shifted",
+                              options.rays, step));
   check_exact_options(options.exact, exact, asset);
   if (options.cone && !asset.rbvh())
     throw Error(ErrorKind::kUsage, options.file, "--cone chooses among a pair's levels, and this is no pair");
@@ -75,20 +64,9 @@ void run_trace(Context& context, const TraceOptions& options) {
   device.finish();
   time_phase(context, "upload");
 
-  OutputFile file(context.output, context.force);
-  file.write(npy_header(rays.rows(), kHitColumns));
-  const RayStream stream = {.columns = rays.columns(),
-                            .rows = rays.rows(),
-                            .read = [&](std::span<float> to) { return rays.read(to, shift); },
-                            .write =
-                                [&](std::span<const Hit> hits) {
-                                  const std::vector<float> rows = hit_rows(hits);
-                                  file.write(std::as_bytes(std::span(rows)));
-                                },
-                            .stop = [&] { rays.stop(); }};
-  const RayTableCounts counts = trace_stream(
-      *tracer, stream, options.any ? RayQuery::kAny : RayQuery::kNearest, context.progress.callback());
-  file.commit();
+  const RayTableCounts counts =
+      cast_ray_file(*tracer, rays, shift, options.any ? RayQuery::kAny : RayQuery::kNearest, context.output,
+                    context.force, context.progress.callback());
   const double trace_seconds = time_phase(context, "trace");
   if (counts.unusable > 0)
     warn(context, options.rays + ": " + counted(counts.unusable, "ray") +
