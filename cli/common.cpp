@@ -196,9 +196,13 @@ void report_failure(Context& context, const std::string& line, int exit_code) {
 
 double time_phase(Context& context, const std::string& name) {
   const double seconds = context.phase_watch.lap();
-  nlohmann::ordered_json& timing = context.report["timings"][name];
-  timing = timing.is_null() ? seconds : timing.get<double>() + seconds;
+  add_time(context, name, seconds);
   return seconds;
+}
+
+void add_time(Context& context, std::string_view phase, double seconds) {
+  nlohmann::ordered_json& timing = context.report["timings"][std::string(phase)];
+  timing = timing.is_null() ? seconds : timing.get<double>() + seconds;
 }
 
 Device open_device(Context& context) {

@@ -131,6 +131,8 @@ void report_failure(Context& context, const std::string& line, int exit_code);
 /// Adds the seconds since the last call, or since the stage began, to the report's timing of that name.
 /// Returns them.
 double time_phase(Context& context, const std::string& name);
+/// The same of a phase that was timed elsewhere.
+void add_time(Context& context, std::string_view phase, double seconds);
 
 /// Device::open() by --device; the report names it.
 Device open_device(Context& context);
