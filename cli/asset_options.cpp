@@ -24,8 +24,12 @@ std::uint32_t parse_tessellate(std::string_view text) {
 Asset load(Context& context, const std::string& path, LoadConfig config) {
   config.memory = context.memory;
   Asset asset = load_asset(path, config, context.progress.callback());
-  for (const std::string& fault : texture_faults(asset)) warn(context, path + ": " + fault);
+  warn_of_textures(context, asset);
   return asset;
+}
+
+void warn_of_textures(Context& context, const Asset& asset) {
+  for (const std::string& fault : texture_faults(asset)) warn(context, asset.path + ": " + fault);
 }
 
 void check_is_pair(const std::string& path) {
@@ -35,11 +39,15 @@ void check_is_pair(const std::string& path) {
   if (!is_rbvh(path)) throw Error(ErrorKind::kInput, path, "is no .rbvh pair");
 }
 
-std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
-                                        const std::vector<std::string>& wanted, bool has_auto) {
+void note_ignored_levels(Context& context, const Asset& asset, const std::vector<std::string>& wanted) {
   const bool has_levels = asset.rbvh() || (asset.scene() && !asset.scene()->level.empty());
   if (!has_levels && !wanted.empty())
     note(context, "rbvh " + context.stage + ": " + asset.path + " has no levels; --level is ignored");
+}
+
+std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
+                                        const std::vector<std::string>& wanted, bool has_auto) {
+  note_ignored_levels(context, asset, wanted);
   return choose_levels(asset, wanted, has_auto);
 }
 

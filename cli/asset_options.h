@@ -16,6 +16,9 @@ namespace rbvh {
 /// load_asset() under the stage's --memory.
 Asset load(Context& context, const std::string& path, LoadConfig config = {});
 
+/// Says which of its textures could not be read.
+void warn_of_textures(Context& context, const Asset& asset);
+
 /// Throws Error(kInput) for any other file.
 void check_is_pair(const std::string& path);
 
@@ -24,7 +27,10 @@ inline std::vector<std::string> or_all(const std::vector<std::string>& levels) {
   return levels.empty() ? std::vector<std::string>{"all"} : levels;
 }
 
-/// choose_levels(), with a note where there are none to choose from.
+/// A note where levels are wanted and the asset has none to choose from.
+void note_ignored_levels(Context& context, const Asset& asset, const std::vector<std::string>& wanted);
+
+/// choose_levels() after that note.
 std::vector<std::string> levels_to_cast(Context& context, const Asset& asset,
                                         const std::vector<std::string>& wanted, bool has_auto = false);
 

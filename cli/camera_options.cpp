@@ -16,7 +16,7 @@ void add_camera_options(CLI::App& stage, CameraOptions& options) {
   const auto add = [&stage](const char* name, auto& target, auto parse, const char* value, const char* help) {
     add_parsed(stage, name, target, parse, value, help)->group(kGroup);
   };
-  CameraWords& words = options.words;
+  CameraWords& words = options.given;
   add("--resolution", options.resolution, parse_resolution, "W,H", "pixels (default: 1024,1024)");
   add("--camera-position", words.position, parse_vec3, "X,Y,Z",
       "default: the whole object in a three-quarter view");
@@ -28,7 +28,7 @@ void add_camera_options(CLI::App& stage, CameraOptions& options) {
       "turn to the right about the focal point");
   add("--camera-elevation-angle", words.elevation, parse_number, "DEG", "turn upwards about the focal point");
   add("--up", options.up, parse_axis, "AXIS", "default: +Y for meshes, +Z for clouds");
-  add("--turntable", options.turntable, parse_turns, "N",
+  add("--turntable", options.turns, parse_turns, "N",
       "N pictures around the up axis; name them with {frame:03}");
   stage.add_option("--cameras", options.cameras_path, "a JSON list of cameras, one picture each")
       ->type_name("FILE")

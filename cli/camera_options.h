@@ -2,20 +2,16 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "pipeline/base/words.h"
-#include "rbvh/camera.h"
+#include "rbvh/view.h"
 
 namespace rbvh {
 
-struct CameraOptions {
+struct CameraOptions : CameraRequest {
   Resolution resolution;
-  CameraWords words;
-  std::optional<Vec3d> up;   ///< axis; else +Y for meshes, +Z for clouds
-  int turntable = 0;         ///< cameras; 0: not asked for
+  CameraWords given;         ///< of every camera
   std::string cameras_path;  ///< JSON; empty: none
 };
 
