@@ -1,6 +1,7 @@
 #include "pipeline/trace/level_residency.h"
 
 #include <algorithm>
+#include <span>
 
 #include "pipeline/base/error.h"
 
@@ -13,27 +14,108 @@ const Tracer& LevelResidency::tracer_of(std::uint32_t object) {
   Resident& resident = residents_[object];
   resident.last_use = ++uses_;
   if (resident.tracer != nullptr) return *resident.tracer;
-  const LevelOnDemand* level = scene_.objects[object].on_demand();
-  RBVH_CHECK(level != nullptr);
-  make_room(level->bytes);
-  resident.level = std::make_unique<Level>(level->load());
+  if (resident.spilled) {
+    make_room(resident.tracer_bytes, object);
+    resident.tracer = bring_back(*resident.spilled);
+    if (resident.tracer != nullptr) return *resident.tracer;
+    resident.spilled.reset();
+  }
+  if (resident.level == nullptr) load(object);
   resident.tracer = std::make_unique<TileTracer>(make_tile_tracer(device_, *resident.level));
-  bytes_ += level->bytes;
-  ++loads_;
+  resident.tracer->level = nullptr;  // it may leave first
+  resident.tracer_bytes = std::min(resident.tracer->memory(), whole_bytes(object));
   return *resident.tracer;
 }
 
-void LevelResidency::make_room(std::uint64_t bytes) {
-  while (bytes_ > 0 && bytes_ + bytes > scene_.resident_bytes) {
-    std::size_t oldest = residents_.size();
-    for (std::size_t i = 0; i < residents_.size(); ++i)
-      if (residents_[i].tracer != nullptr &&
-          (oldest == residents_.size() || residents_[i].last_use < residents_[oldest].last_use))
-        oldest = i;
-    device_.finish();  // what was enqueued reads its buffers
-    residents_[oldest].tracer.reset();
-    residents_[oldest].level.reset();
-    bytes_ -= scene_.objects[oldest].on_demand()->bytes;
+const Level& LevelResidency::level_of(std::uint32_t object) {
+  Resident& resident = residents_[object];
+  resident.last_use = ++uses_;
+  if (resident.level == nullptr) load(object);
+  return *resident.level;
+}
+
+void LevelResidency::load(std::uint32_t object) {
+  const LevelOnDemand* level = scene_.objects[object].on_demand();
+  RBVH_CHECK(level != nullptr);
+  Resident& resident = residents_[object];
+  make_room(level->bytes - (resident.tracer != nullptr ? resident.tracer_bytes : 0), object);
+  resident.level = std::make_unique<Level>(level->load());
+  ++loads_;
+}
+
+void LevelResidency::spill(Resident& resident) {
+  if (resident.spilled) return;  // it is there, and does not change
+  const TileTracer& tracer = *resident.tracer;
+  std::vector<std::byte> bytes;
+  const auto add = [&](const auto& buffer) {
+    const auto values = buffer.read();
+    const std::span<const std::byte> all = std::as_bytes(std::span(values));
+    bytes.insert(bytes.end(), all.begin(), all.end());
+  };
+  add(tracer.nodes);
+  add(tracer.tiles);
+  add(tracer.heights);
+  add(tracer.blocks);
+  const std::optional<std::uint64_t> offset = file_.append(bytes);
+  if (!offset) return;
+  resident.spilled = {
+      tracer, tracer.nodes.size(), tracer.tiles.size(), tracer.heights.size(), tracer.blocks.size(), *offset};
+  TileTracer& outline = resident.spilled->tracer;
+  outline.nodes = {};
+  outline.tiles = {};
+  outline.heights = {};
+  outline.blocks = {};
+}
+
+std::unique_ptr<TileTracer> LevelResidency::bring_back(const SpilledTracer& spilled) const {
+  auto tracer = std::make_unique<TileTracer>(spilled.tracer);
+  std::uint64_t offset = spilled.offset;
+  const auto take = [&]<class T>(Buffer<T>& buffer, std::size_t count) {
+    std::vector<T> values(count);
+    const std::span<std::byte> bytes = std::as_writable_bytes(std::span(values));
+    if (!file_.read(offset, bytes)) return false;
+    offset += bytes.size();
+    buffer = {device_, values};
+    return true;
+  };
+  const bool is_whole = take(tracer->nodes, spilled.nodes) && take(tracer->tiles, spilled.tiles) &&
+                        take(tracer->heights, spilled.heights) && take(tracer->blocks, spilled.blocks);
+  return is_whole ? std::move(tracer) : nullptr;
+}
+
+std::uint64_t LevelResidency::bytes() const {
+  std::uint64_t sum = 0;
+  for (std::uint32_t i = 0; i < residents_.size(); ++i) {
+    if (has_tracer(i)) sum += residents_[i].tracer_bytes;
+    if (has_level(i)) sum += whole_bytes(i) - residents_[i].tracer_bytes;
+  }
+  return sum;
+}
+
+template <class Part>
+LevelResidency::Resident* LevelResidency::oldest(std::unique_ptr<Part> Resident::*part,
+                                                 std::uint32_t in_use) {
+  Resident* result = nullptr;
+  for (Resident& resident : residents_)
+    if (&resident != &residents_[in_use] && resident.*part != nullptr &&
+        (result == nullptr || resident.last_use < result->last_use))
+      result = &resident;
+  return result;
+}
+
+void LevelResidency::make_room(std::uint64_t wanted, std::uint32_t in_use) {
+  bool is_finished = false;
+  while (bytes() + wanted > scene_.resident_bytes) {
+    if (Resident* of_level = oldest(&Resident::level, in_use)) {
+      of_level->level.reset();
+    } else if (Resident* of_tracer = oldest(&Resident::tracer, in_use)) {
+      if (!is_finished) device_.finish();  // what was enqueued reads its buffers
+      is_finished = true;
+      spill(*of_tracer);
+      of_tracer->tracer.reset();
+    } else {
+      return;
+    }
   }
 }
 

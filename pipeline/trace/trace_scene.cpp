@@ -9,6 +9,7 @@
 #include "pipeline/bvh/wide_bvh.h"
 #include "pipeline/trace/level_residency.h"
 #include "pipeline/trace/ray_queue.h"
+#include "pipeline/trace/surface.h"
 
 namespace rbvh {
 
@@ -35,9 +36,20 @@ struct SceneTracerState {
   Buffer<Hit> placed_hits;
   Buffer<std::uint32_t> placed_steps;
 
-  bool is_there(std::uint32_t at) const { return tracers[at] != nullptr || on_demand->has(objects[at]); }
+  /// To cast rays at.
+  bool is_there(std::uint32_t at) const {
+    return tracers[at] != nullptr || on_demand->has_tracer(objects[at]);
+  }
+  /// To ask about hits.
+  bool has_surface(std::uint32_t at) const {
+    return tracers[at] != nullptr || on_demand->has_level(objects[at]);
+  }
   const Tracer& tracer(std::uint32_t at) {
     return tracers[at] != nullptr ? *tracers[at] : on_demand->tracer_of(objects[at]);
+  }
+  SurfaceSamples surface(std::uint32_t at, std::span<const Hit> hits, float spread) {
+    return tracers[at] != nullptr ? tracers[at]->surface(hits, spread)
+                                  : sample_surface(on_demand->level_of(objects[at]), hits, spread);
   }
 };
 
@@ -252,7 +264,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
     if (!pixels[k].empty()) order.push_back(k);
   std::stable_partition(order.begin(), order.end(), [&](std::size_t k) {
     const std::uint32_t object = scene.instances[k].object;
-    return scene.objects[object].proxy() != nullptr || state->is_there(state->number[object]);
+    return scene.objects[object].proxy() != nullptr || state->has_surface(state->number[object]);
   });
   for (const std::size_t k : order) {
     const SceneInstance& instance = scene.instances[k];
@@ -275,7 +287,7 @@ SurfaceSamples SceneTracer::surface(std::span<const Hit> hits, float spread) con
       const Vec3f n = static_cast<Vec3f>(normalized(instance.to_world.transposed(world)));
       for (int axis = 0; axis < 3; ++axis) own.back().normal[axis] = n[axis];
     }
-    const SurfaceSamples samples = state->tracer(state->number[instance.object]).surface(own, own_spread);
+    const SurfaceSamples samples = state->surface(state->number[instance.object], own, own_spread);
     if (!samples.colors.empty() && all.colors.empty()) all.colors.assign(hits.size(), kClay);
     for (std::size_t n = 0; n < pixels[k].size(); ++n) {
       all.normals[pixels[k][n]] = to_world_normal(samples.normals[n]);

@@ -253,14 +253,27 @@ TEST_F(ChunksTest, PartsLeaveByUse) {
   const std::vector<Hit> all = intersect(*make_tracer(device, asset), rays);
   std::uint64_t bytes = 0;
   for (const SceneObject& object : asset.scene()->objects) bytes += object.on_demand()->bytes;
-  asset.scene()->resident_bytes = bytes * 3 / 10;
-  const auto tracer = make_tracer(device, asset);
-  const std::vector<Hit> some = intersect(*tracer, rays);
-  EXPECT_LE(tracer->memory(), bytes / 2);
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    EXPECT_EQ(all[i].t, some[i].t);
-    EXPECT_EQ(all[i].leaf, some[i].leaf);
+  const SurfaceSamples seen = make_tracer(device, asset)->surface(all, 0);
+  // With room for what rays are cast at and a level or two; for neither; and with no file to leave for.
+  const char* const folder_before = std::getenv("TMPDIR");
+  for (const auto& [part, folder] :
+       {std::pair{0.3, "/tmp"}, std::pair{0.05, "/tmp"}, std::pair{0.05, "/none"}}) {
+    SCOPED_TRACE(part);
+    ::setenv("TMPDIR", folder, 1);
+    asset.scene()->resident_bytes = static_cast<std::uint64_t>(static_cast<double>(bytes) * part);
+    const auto tracer = make_tracer(device, asset);
+    for (int again = 0; again < 2; ++again) {
+      const std::vector<Hit> some = intersect(*tracer, rays);
+      EXPECT_LE(tracer->memory(), bytes / 2);
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        EXPECT_EQ(all[i].t, some[i].t);
+        EXPECT_EQ(all[i].leaf, some[i].leaf);
+      }
+      const SurfaceSamples again_seen = tracer->surface(some, 0);
+      for (std::size_t i = 0; i < rays.size(); ++i) EXPECT_EQ(seen.normals[i], again_seen.normals[i]);
+    }
   }
+  folder_before != nullptr ? ::setenv("TMPDIR", folder_before, 1) : ::unsetenv("TMPDIR");
 }
 
 }  // namespace
