@@ -32,7 +32,6 @@ void run_view(Context& context, const ViewOptions& options) {
   if (!options.levels.empty()) levels.levels = options.levels;
   const Asset pair = load(context, options.file, levels);
   time_phase(context, "load");
-  if (const std::string lost = lost_textures(*pair.rbvh()); !lost.empty()) warn(context, lost);
   ViewConfig config;
   config.most_bytes = options.most_bytes.value_or(config.most_bytes);
   if (options.thumbnail) config.still = draw_still(open_device(context), pair);

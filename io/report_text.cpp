@@ -2,12 +2,10 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "io/report_json.h"
 #include "pipeline/base/text.h"
-#include "pipeline/rbvh/texture_layer.h"
 #include "pipeline/trace/exact_words.h"
 
 namespace rbvh {
@@ -108,13 +106,6 @@ std::string missed_error(const std::string& level, float asked, float reached) {
 std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const std::string& other) {
   return fmt::format("{:.2f} times as large as {} ({})",
                      static_cast<double>(bytes) / static_cast<double>(others), other, format_bytes(others));
-}
-
-std::string lost_textures(const Rbvh& rbvh) {
-  const bool has_any = std::any_of(rbvh.levels.begin(), rbvh.levels.end(),
-                                   [](const Level& level) { return texture_layer(level) != nullptr; });
-  if (!has_any) return {};
-  return "the page does not draw the levels' textures: vertices have their mean colours";
 }
 
 std::string joined_tiles_text(const LevelMeshCounts& counts) {

@@ -47,9 +47,6 @@ std::string missed_errors(const Levels& levels) {
 /// "1.25 times as large as dragon.ply (30 MB)".
 std::string larger_than_text(std::uint64_t bytes, std::uint64_t others, const std::string& other);
 
-/// What a viewer's page leaves out of a pair whose levels have textures; empty of any other.
-std::string lost_textures(const Rbvh& rbvh);
-
 /// What became of a level's tiles; empty where it has none.
 std::string joined_tiles_text(const LevelMeshCounts& counts);
 

@@ -1,6 +1,6 @@
 // What the tests read and write beside pages: NumPy arrays and PNG pictures.
 import { readFileSync, writeFileSync } from "node:fs";
-import { inflateSync } from "node:zlib";
+import { deflateSync, inflateSync } from "node:zlib";
 
 /** Rows of `width` float32. */
 export function writeNpy(path, rows, width) {
@@ -15,6 +15,27 @@ export function writeNpy(path, rows, width) {
 export function readNpy(path) {
   const bytes = readFileSync(path), start = 10 + bytes.readUInt16LE(8);
   return new Float32Array(bytes.buffer.slice(bytes.byteOffset + start, bytes.byteOffset + bytes.length));
+}
+
+/** RGB, 8 bits. */
+export function encodePng(width, height, pixels) {
+  const chunk = (name, body) => {
+    const named = Buffer.concat([Buffer.from(name), body]), length = Buffer.alloc(4), sum = Buffer.alloc(4);
+    length.writeUInt32BE(body.length);
+    let crc = 0xffffffff;
+    for (const byte of named) {
+      crc ^= byte;
+      for (let k = 0; k < 8; ++k) crc = crc & 1 ? (crc >>> 1) ^ 0xedb88320 : crc >>> 1;
+    }
+    sum.writeUInt32BE(~crc >>> 0);
+    return Buffer.concat([length, named, sum]);
+  };
+  const head = Buffer.alloc(13), rows = [];
+  head.writeUInt32BE(width, 0);
+  head.writeUInt32BE(height, 4);
+  head.set([8, 2, 0, 0, 0], 8);
+  for (let y = 0; y < height; ++y) rows.push(Buffer.from([0]), pixels.subarray(3 * width * y, 3 * width * (y + 1)));
+  return Buffer.concat([Buffer.from("\x89PNG\r\n\x1a\n", "latin1"), chunk("IHDR", head), chunk("IDAT", deflateSync(Buffer.concat(rows))), chunk("IEND", Buffer.alloc(0))]);
 }
 
 /** RGBA, 8 bits; as `rbvh render` writes it: not interlaced. */

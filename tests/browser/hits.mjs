@@ -70,6 +70,7 @@ for (const which of RENDERERS)
            "--camera-position", triple(CAMERA.position), "--camera-focal-point", triple(CAMERA.focalPoint),
            ...(layer ? ["--color-layer", layer] : []), "-f", "-o", path("wanted.png"));
       const wanted = decodePng(readFileSync(path("wanted.png"))), page = await openIt();
+      assert.equal(await page.evaluate("rbvh.meta.levels[0].layers.some(({ name }) => name === 'texture')"), name === "textured");
       await page.evaluate(`rbvh.setLayer(${JSON.stringify(layer)})`);
       const text = await page.evaluate(`(async () => {
         rbvh.meta.up.splice(0, 3, 0, 1, 0);

@@ -9,6 +9,9 @@ export interface LayerMeta {
   hi: number; // equal to lo: values are as they are stored
 }
 
+/** Of textured scans: sRGB, which is the surface's colour (docs/file_format.md). */
+export const isTexture = (layer: LayerMeta | undefined): boolean => layer?.name === "texture" && layer.channels === 3;
+
 /** A level's block is its chunks, one after the other. */
 export interface LevelMeta {
   name: string;

@@ -1,6 +1,7 @@
 // The shaders of the WebGL2 renderers, put together.
 import trace from "./trace.glsl";
 import surface from "./surface.glsl";
+import { isTexture } from "./page";
 import type { LevelMeta } from "./page";
 import type { ShownLayer } from "./renderer";
 
@@ -15,15 +16,16 @@ export interface Kind {
   discs: boolean;
   colors: boolean;
   layer: number; // its channels; 0: none
+  texture: boolean; // the layer is the surface's own colour
 }
 
 export const kindOf = (traversal: Traversal, meta: LevelMeta, layer: ShownLayer | null): Kind =>
-  ({ traversal, tiles: meta.tiles > 0, discs: meta.discs, colors: meta.colors, layer: layer?.meta.channels ?? 0 });
+  ({ traversal, tiles: meta.tiles > 0, discs: meta.discs, colors: meta.colors, layer: layer?.meta.channels ?? 0, texture: isTexture(layer?.meta) });
 
 const head = "#version 300 es\n";
 const tracing = (kind: Kind): string => {
-  const { traversal, tiles, discs, colors, layer } = kind;
-  const words = { TRAVERSAL: TRAVERSALS.indexOf(traversal), TILES: +tiles, DISCS: +discs, COLORS: +colors, LAYER: layer };
+  const { traversal, tiles, discs, colors, layer, texture } = kind;
+  const words = { TRAVERSAL: TRAVERSALS.indexOf(traversal), TILES: +tiles, DISCS: +discs, COLORS: +colors, LAYER: layer, TEXTURE: +texture };
   return head + Object.entries(words).map(([name, value]) => "#define " + name + " " + value + "\n").join("") + trace + surface;
 };
 

@@ -26,11 +26,14 @@ export interface Sample {
   up: [number, number, number];
 }
 
+/** How far apart samples are at distance 1: what textures are averaged over. */
+export const spreadOf = ({ rays, weight }: Sample): number => Math.hypot(...rays.down) * Math.sqrt(weight);
+
 export interface Renderer {
   readonly name: string;
   readonly canvas: HTMLCanvasElement;
   /** Has the shaders for such a level compiled, while it is decoded. */
-  warm(meta: LevelMeta): void;
+  warm(meta: LevelMeta, layer: ShownLayer | null): void;
   setLevel(shown: Shown): void;
   setLayer(layer: ShownLayer | null): void;
   /** 8 numbers a ray: origin, direction, tmin, tmax. Of each 12: t (Infinity: none), normal, u, v, leaf (-1), flags, steps, values. */

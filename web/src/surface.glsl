@@ -1,6 +1,7 @@
 // What is at a hit: the geometric and the smooth normal, and the colour in linear light.
 uniform bool layerInRange;  // codes are values from lo to hi; else values as they are stored
 uniform vec2 layerRange;    // that colours stand for, as codes' shares of 65534 or as values
+uniform float spread;       // a ray's width over its length
 
 const vec3 CLAY = vec3(0.50, 0.455, 0.41);
 
@@ -51,26 +52,39 @@ vec3 ramp(float t) {
 
 uint layerCode(uint at) { return texelFetch(layerValues, ivec2(at & 4095u, at >> 12), 0).x; }
 
-// The layer at a place of a leaf: bilinear in the texels that have a value.
+// The layer at a place of a leaf: bilinear in the texels that have a value. A texture is averaged, in linear light, over
+// what the ray covers, as texture_color() of pipeline/rbvh/texture_layer.cpp does.
 vec4 layerAt(uint leaf, vec3 p) {
   vec4 u = float4(layerLeaves, 3u * leaf), v = float4(layerLeaves, 3u * leaf + 1u);
   uvec4 of = word4(layerLeaves, 3u * leaf + 2u);
   vec2 own = vec2(float(of.y & 65535u), float(of.y >> 16)) - 1.0,
        tile = vec2(float(of.z & 65535u), float(of.z >> 16)) - 1.0;
-  vec2 place = vec2(dot(u.xyz, p) + u.w, dot(v.xyz, p) + v.w);
-  place = clamp(place * own / tile, vec2(0.0), own);
-  vec2 first = min(floor(place), own - 1.0), f = place - first;
+  vec2 start = vec2(dot(u.xyz, p) + u.w, dot(v.xyz, p) + v.w), place, first, f, per = own / tile;
   vec4 sum = vec4(0.0);
-  for (int k = 0; k < 4; ++k) {
+  float covered = TEXTURE == 1 ? spread * found.t * length(u.xyz) : 0.0;
+  int taps = clamp(int(ceil(covered * max(per.x, per.y))), 1, 8);
+  for (int i = 0; i < 4 * taps * taps; ++i) {
+    int k = i & 3, tap = i >> 2;
+    if (k == 0) {
+      place = start + covered * ((vec2(float(tap % taps), float(tap / taps)) + 0.5) / float(taps) - 0.5);
+      place = clamp(place * per, vec2(0.0), own);
+      first = min(floor(place), own - 1.0);
+      f = place - first;
+    }
     vec2 corner = vec2(float(k & 1), float(k >> 1));
     vec2 w2 = mix(1.0 - f, f, corner);
     float w = w2.x * w2.y;
     uint at = (of.x + uint(first.y + corner.y) * (of.y & 65535u) + uint(first.x + corner.x)) * uint(LAYER);
     if (w <= 0.0 || layerCode(at) == 0u) continue;
+#if TEXTURE
+    vec3 code = vec3(float(layerCode(at)), float(layerCode(at + 1u)), float(layerCode(at + 2u)));
+    sum.xyz += w * toLinear(clamp(mix(vec3(layerRange.x), vec3(layerRange.y), (code - 1.0) / 65534.0), 0.0, 1.0));
+#else
     for (int c = 0; c < min(LAYER, 3); ++c) {
       float code = float(layerCode(at + uint(c)));
       sum[c] += w * (layerInRange ? (code - 1.0) / 65534.0 : code);
     }
+#endif
     sum.w += w;
   }
   if (sum.w > 0.0) sum.xyz /= sum.w;
@@ -152,8 +166,12 @@ Surface surfaceAt() {
   }
 #if LAYER
   s.values = layerAt(found.leaf, p);
+#if TEXTURE
+  if (s.values.w > 0.0) s.color = s.values.xyz;
+#else
   vec3 share = clamp((s.values.xyz - layerRange.x) / max(layerRange.y - layerRange.x, 1e-30), 0.0, 1.0);
   s.color = s.values.w == 0.0 ? CLAY : LAYER < 3 ? ramp(share.x) : share;
+#endif
 #endif
   return s;
 }

@@ -44,20 +44,36 @@ fn layerAt(leaf: u32, p: vec3f) -> vec4f {
   let of_ = word4(u.layerLeaves, 3u * leaf + 2u);
   let own = vec2f(f32(of_.y & 65535u), f32(of_.y >> 16u)) - 1.0;
   let tile = vec2f(f32(of_.z & 65535u), f32(of_.z >> 16u)) - 1.0;
-  let place = clamp(vec2f(dot(rowU.xyz, p) + rowU.w, dot(rowV.xyz, p) + rowV.w) * own / tile, vec2f(0), own);
-  let first = min(floor(place), own - 1.0);
-  let f = place - first;
+  let start = vec2f(dot(rowU.xyz, p) + rowU.w, dot(rowV.xyz, p) + rowV.w);
+  let per = own / tile;
   var sum = vec4f(0);
-  for (var k = 0u; k < 4u; k++) {
+  var covered = 0.0;
+#if TEXTURE
+  covered = u.spread * found.t * length(rowU.xyz);
+#endif
+  let taps = clamp(u32(ceil(covered * max(per.x, per.y))), 1u, 8u);
+  for (var i = 0u; i < 4u * taps * taps; i++) {
+    let k = i & 3u;
+    let tap = i >> 2u;
+    let aside = covered * ((vec2f(f32(tap % taps), f32(tap / taps)) + 0.5) / f32(taps) - 0.5);
+    let place = clamp((start + aside) * per, vec2f(0), own);
+    let first = min(floor(place), own - 1.0);
+    let f = place - first;
     let corner = vec2f(f32(k & 1u), f32(k >> 1u));
     let w2 = mix(1.0 - f, f, corner);
     let w = w2.x * w2.y;
     let at = (of_.x + u32(first.y + corner.y) * (of_.y & 65535u) + u32(first.x + corner.x)) * LAYER;
     if (w <= 0.0 || half_(u.layerValues, at) == 0u) { continue; }
+#if TEXTURE
+    let code = vec3f(f32(half_(u.layerValues, at)), f32(half_(u.layerValues, at + 1u)), f32(half_(u.layerValues, at + 2u)));
+    let shown = toLinear(clamp(mix(vec3f(u.layerRange.x), vec3f(u.layerRange.y), (code - 1.0) / 65534.0), vec3f(0), vec3f(1)));
+    sum += vec4f(w * shown, 0.0);
+#else
     for (var c = 0u; c < min(LAYER, 3u); c++) {
       let code = f32(half_(u.layerValues, at + c));
       sum[c] += w * select(code, (code - 1.0) / 65534.0, u.layerInRange != 0u);
     }
+#endif
     sum.w += w;
   }
   if (sum.w > 0.0) { sum = vec4f(sum.xyz / sum.w, sum.w); }
@@ -146,8 +162,12 @@ fn surfaceAt() -> Surface {
                      vec3<bool>(dot(normal, normal) > 1e-12));
 #if LAYER
   s.values = layerAt(found.leaf, p);
+#if TEXTURE
+  if (s.values.w > 0.0) { s.color = s.values.xyz; }
+#else
   let share = clamp((s.values.xyz - u.layerRange.x) / max(u.layerRange.y - u.layerRange.x, 1e-30), vec3f(0), vec3f(1));
   s.color = select(select(share, ramp(share.x), vec3<bool>(LAYER < 3u)), CLAY, vec3<bool>(s.values.w == 0.0));
+#endif
 #endif
   return s;
 }

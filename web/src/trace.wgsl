@@ -16,7 +16,7 @@ struct Uniforms {
   radii: vec3i, row: u32,
   layerInRange: u32, sampleNumber: u32, occluded: u32, rayCount: u32,
   skyDistance: f32, lift: f32, pixelAngle: f32, weight: f32,
-  kept: f32,
+  kept: f32, spread: f32,
 }
 @group(0) @binding(0) var<uniform> u: Uniforms;
 @group(0) @binding(1) var<storage, read> blocks: array<vec4u>;

@@ -2,6 +2,7 @@
 import type { Camera, Vec } from "./camera";
 import { length, sub } from "./camera";
 import { addControls } from "./controls";
+import { isTexture } from "./page";
 import type { LayerMeta } from "./page";
 import type { Probe, Viewer } from "./viewer";
 
@@ -147,10 +148,10 @@ export class Ui {
   }
   private fillLayers(): void {
     const select = element<HTMLSelectElement>("layer"), layers = this.layers();
-    const choices = layers.map((layer, i): [string, string] => [String(i), layer.name]);
+    const choices = layers.map((layer, i): [string, string] => [String(i), isTexture(layer) ? "" : layer.name]).filter(([, name]) => name);
     if (select.options.length !== choices.length + 1)
       fillSelect(select, [["-1", "Surface"], ...choices], String(this.viewer.layer?.index ?? -1));
-    select.disabled = layers.length === 0;
+    select.disabled = choices.length === 0;
   }
   setLayer(index: number): void {
     const meta = this.layers()[index];

@@ -4,6 +4,7 @@ import { add, cameraRays, cross, dot, length, normalize, pixelDirection, rotate,
          viewFrom } from "./camera";
 import type { Camera, Vec } from "./camera";
 import type { LevelData } from "./level";
+import { isTexture } from "./page";
 import type { PageMeta } from "./page";
 import { HIT_WORDS } from "./renderer";
 import type { Renderer, ShownLayer } from "./renderer";
@@ -59,7 +60,7 @@ export class Viewer {
     if (!renderer) return this.onChange();
     this.canvas = renderer.canvas;
     if (this.level >= 0) this.show(this.level, true);
-    else renderer.warm(this.meta.levels[0]!);
+    else renderer.warm(this.meta.levels[0]!, this.texture(0));
   }
 
   standardView(azimuth: number, elevation: number): Camera {
@@ -92,7 +93,7 @@ export class Viewer {
       const same = meta.layers.findIndex((layer) => layer.name === name);
       this.layer = same < 0 ? null
         : { index: same, meta: meta.layers[same]!, lo: this.layer!.lo, hi: this.layer!.hi };
-      this.renderer_?.setLayer(this.layer);
+      this.renderer_?.setLayer(this.layer ?? this.texture(index));
     }).catch((error: unknown) => {
       // The next coarser one is there, as it was decoded before.
       this.level = -1;
@@ -102,11 +103,18 @@ export class Viewer {
     this.changed();
   }
 
+  /** What a textured surface shows where no layer is chosen. */
+  private texture(level: number): ShownLayer | null {
+    const { layers } = this.meta.levels[level]!, index = layers.findIndex(isTexture), meta = layers[index];
+    return meta ? { index, meta, lo: meta.lo, hi: meta.hi } : null;
+  }
+
   setLayer(layer: ShownLayer | null): void {
     this.layer = layer;
-    this.exclusive(async () => this.renderer_?.setLayer(layer)).catch((error: unknown) => {
-      this.setLayer(null);
-      this.onRefused(layer!.meta.name, error);
+    this.exclusive(async () => this.renderer_?.setLayer(layer ?? (this.level < 0 ? null : this.texture(this.level)))).catch((error: unknown) => {
+      if (layer) this.setLayer(null);
+      else this.renderer_?.setLayer(null);
+      this.onRefused(layer?.meta.name ?? "texture", error);
     });
     this.changed();
   }

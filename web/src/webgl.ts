@@ -7,7 +7,8 @@ import { COVER, kindOf, occlusionPass, presentPass, primaryPass, raysPass, shade
 import type { Kind, Traversal } from "./passes";
 import type { LevelMeta } from "./page";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
-import { HIT_WORDS } from "./renderer";
+import { HIT_WORDS, spreadOf } from "./renderer";
+import { isTexture } from "./page";
 
 type Uniform = number | boolean | number[];
 const MOST_ROWS = 8192; // of a texture
@@ -165,8 +166,8 @@ export class GlRenderer implements Renderer {
     this.level.set(name, this.texture(format, ROW, rows, whole));
   }
 
-  warm(meta: LevelMeta): void {
-    for (const pass of this.primaries(meta)) this.program(pass, kindOf(this.traversal, meta, null));
+  warm(meta: LevelMeta, layer: ShownLayer | null): void {
+    for (const pass of this.primaries(meta)) this.program(pass, kindOf(this.traversal, meta, layer));
     for (const pass of [SHADE, PRESENT]) this.program(pass, null);
     this.gl.flush();
   }
@@ -215,7 +216,7 @@ export class GlRenderer implements Renderer {
     const { lo, hi } = layer.meta, coded = hi > lo;
     const code = (value: number): number => (coded ? (value - lo) / (hi - lo) : value);
     program.set("layerInRange", coded);
-    program.set("layerRange", [code(layer.lo), code(layer.hi)]);
+    program.set("layerRange", isTexture(layer.meta) ? [lo, hi] : [code(layer.lo), code(layer.hi)]);
   }
 
   protected bind(program: Program, name: string, texture: WebGLTexture, unit: number): void {
@@ -227,6 +228,7 @@ export class GlRenderer implements Renderer {
   }
 
   protected setCamera(program: Program, sample: Sample): void {
+    program.set("spread", spreadOf(sample));
     program.set("camPosition", sample.rays.position);
     program.set("camCorner", sample.rays.corner);
     program.set("camRight", sample.rays.right);

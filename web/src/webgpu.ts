@@ -5,7 +5,8 @@ import type { LevelMeta } from "./page";
 import { kindOf } from "./passes";
 import type { Traversal } from "./passes";
 import type { Renderer, Sample, Shown, ShownLayer } from "./renderer";
-import { HIT_WORDS } from "./renderer";
+import { HIT_WORDS, spreadOf } from "./renderer";
+import { isTexture } from "./page";
 import blitText from "./blit.wgsl";
 import surfaceText from "./surface.wgsl";
 import traceText from "./trace.wgsl";
@@ -21,9 +22,9 @@ const UNIFORMS: [string, number][] = [
   ["heights", 1], ["skyUp", 3], ["colors", 1], ["camOffset", 2], ["layerRange", 2], ["background", 3],
   ["layerValues", 1], ["size", 2], ["target", 2], ["radii", 3], ["row", 1], ["layerInRange", 1], ["sampleNumber", 1],
   ["occluded", 1], ["rayCount", 1], ["skyDistance", 1], ["lift", 1], ["pixelAngle", 1], ["weight", 1],
-  ["kept", 1], ["-", 3]];
+  ["kept", 1], ["spread", 1], ["-", 2]];
 const FLOATS = new Set(["sceneLo", "sceneHi", "camPosition", "camCorner", "camRight", "camDown", "keyDirection", "skyUp",
-  "camOffset", "layerRange", "background", "skyDistance", "lift", "pixelAngle", "weight", "kept"]);
+  "camOffset", "layerRange", "background", "skyDistance", "lift", "pixelAngle", "weight", "kept", "spread"]);
 
 type Words = Record<string, number | boolean>;
 /** A shader's lines, without those between #if and #else or #endif that are not for these words. */
@@ -96,9 +97,9 @@ class GpuRenderer implements Renderer {
   }
 
   private pipeline(entryPoint: Pass, meta: LevelMeta, layer: ShownLayer | null): Promise<GPUComputePipeline> {
-    const { device } = this, { traversal, tiles, discs, colors, layer: channels } = kindOf(this.traversal, meta, layer);
+    const { device } = this, { traversal, tiles, discs, colors, texture, layer: channels } = kindOf(this.traversal, meta, layer);
     const casts = entryPoint !== "shade", words: Words = { [entryPoint]: 1, CASTS: casts, SURFACE: casts && entryPoint !== "occlusion",
-      TILES: tiles, DISCS: discs, COLORS: colors, LAYER: channels, TINTED: colors || channels, SHORT: traversal === "short-stack", LINKS: traversal === "parent-link" };
+      TILES: tiles, DISCS: discs, COLORS: colors, LAYER: channels, TEXTURE: texture, TINTED: colors || channels, SHORT: traversal === "short-stack", LINKS: traversal === "parent-link" };
     const key = casts ? JSON.stringify(words) : entryPoint;
     if (!this.pipelines.has(key)) {
       const module = device.createShaderModule({ code: `const LAYER=${channels}u;` + chosen(traceText + surfaceText, words) });
@@ -107,8 +108,8 @@ class GpuRenderer implements Renderer {
     }
     return this.pipelines.get(key)!;
   }
-  warm(meta: LevelMeta): void {
-    for (const pass of ["primary", "shade"] as const) this.pipeline(pass, meta, null).catch(() => undefined);
+  warm(meta: LevelMeta, layer: ShownLayer | null): void {
+    for (const pass of ["primary", "shade"] as const) this.pipeline(pass, meta, layer).catch(() => undefined);
   }
 
   private buffer(size: number): GPUBuffer {
@@ -164,8 +165,8 @@ class GpuRenderer implements Renderer {
     const coded = !!layer && layer.meta.hi > layer.meta.lo;
     const code = (value: number): number =>
       coded ? (value - layer!.meta.lo) / (layer!.meta.hi - layer!.meta.lo) : value;
-    return { ...this.places, sceneLo: data.lo, sceneHi: data.hi, layerInRange: coded,
-             layerRange: layer ? [code(layer.lo), code(layer.hi)] : [0, 1] };
+    const range = isTexture(layer?.meta) ? [layer!.meta.lo, layer!.meta.hi] : layer ? [code(layer.lo), code(layer.hi)] : [0, 1];
+    return { ...this.places, sceneLo: data.lo, sceneHi: data.hi, layerInRange: coded, layerRange: range };
   }
 
   private setUniforms(values: Values): void {
@@ -255,7 +256,7 @@ class GpuRenderer implements Renderer {
       camRight: rays.right, camDown: rays.down, camOffset: sample.offset,
       keyDirection: keyDirection(rays, sample.offset), skyUp: sample.up, size: this.size,
       radii: [1, 2.5, 6].map((r) => Math.max(1, Math.round((r * rays.height) / 1024))), skyDistance: 0.3 * diagonal,
-      lift: 1e-4 * diagonal, pixelAngle: Math.hypot(...rays.down), weight: sample.weight, kept: sample.kept,
+      lift: 1e-4 * diagonal, pixelAngle: Math.hypot(...rays.down), spread: spreadOf(sample), weight: sample.weight, kept: sample.kept,
       sampleNumber: sample.number, occluded: sample.occlusion };
     for (;;) {
       const left = milliseconds - (performance.now() - started);
