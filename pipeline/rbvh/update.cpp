@@ -34,7 +34,7 @@ bool has_tiles(const Level& level) { return level.primitive_leaves.size() < leve
 /// two levels of it end far apart. A cloud's levels and those by density have no error.
 double overlap_of(const Rbvh& rbvh, const Level& level) {
   const double error = static_cast<double>(level.error) * static_cast<double>(rbvh.source.bounds.diagonal());
-  return level.error > 0 && rbvh.source.triangles > 0 ? 2 * error : std::max(error, 0.5 * texel_side(level));
+  return level.error > 0 && rbvh.source.triangles > 0 ? 2 * error : std::max(error, 1.5 * texel_side(level));
 }
 
 /// Borders at the box that are farther apart are those of other surfaces. Two levels that miss one scan by an

@@ -373,7 +373,7 @@ TEST_F(UpdateTest, CloudsOfTilesAndOfDiscs) {
       const ClosestPoint surface(surface_of(level));
       for (const Scan* cloud : {&old_cloud, &new_cloud})
         for (const Vec3f& p : cloud->positions) {
-          const double beside = 0.1 + 1.2 * texel_side(level);
+          const double beside = 0.1 + 2.5 * texel_side(level);
           const Vec3d q(p), inner{beside, beside, beside};
           const bool is_old = cloud == &old_cloud, is_in = contains({box.lo + inner, box.hi - inner}, q),
                      is_out = !contains({box.lo - inner, box.hi + inner}, q);
