@@ -11,14 +11,6 @@
 namespace rbvh {
 namespace {
 
-std::vector<Bounds3f> leaf_boxes(const Level& level) {
-  std::vector<Bounds3f> boxes(level.leaves.size());
-  for (const RbvhNode& node : level.nodes)
-    if (node.count == 1)
-      boxes[node.first] = {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
-  return boxes;
-}
-
 /// Of a level without a grid, as older pairs have it: a leaf as it is in memory.
 struct WholeLeaf {
   RbvhLeaf leaf;

@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_policy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/leaf_rounding.h"
@@ -210,14 +211,6 @@ class Cut {
 };
 
 }  // namespace
-
-std::vector<Bounds3f> leaf_boxes(const Level& level) {
-  std::vector<Bounds3f> boxes(level.leaves.size());
-  for (const RbvhNode& node : level.nodes)
-    if (node.count == 1)
-      boxes[node.first] = {{node.lo[0], node.lo[1], node.lo[2]}, {node.hi[0], node.hi[1], node.hi[2]}};
-  return boxes;
-}
 
 LooseLevel loosen(Level&& level) {
   LooseLevel loose;

@@ -20,9 +20,6 @@ struct LooseLevel {
   std::vector<CutEdge> cuts;                 ///< of triangles, by the last cut; `of` is the object
 };
 
-/// Of a level's leaves.
-std::vector<Bounds3f> leaf_boxes(const Level& level);
-
 LooseLevel loosen(Level&& level);
 
 /// A copy of these leaves, in ascending order, and their primitives; texels stay where they are. `boxes`: of

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "kernels/common/layout.h"
+#include "pipeline/rbvh/rbvh.h"
 #include "rbvh/geometry.h"
 
 namespace rbvh {
@@ -20,5 +21,8 @@ struct LeafHierarchy {
 LeafHierarchy build_leaf_hierarchy(std::span<const Bounds3f> boxes);
 
 inline constexpr int kMaxLeafHierarchyDepth = 64;
+
+/// Of the leaves, as the level's nodes have them.
+std::vector<Bounds3f> leaf_boxes(const Level& level);
 
 }  // namespace rbvh

@@ -18,6 +18,7 @@
 #include "pipeline/rbvh/close_seam.h"
 #include "pipeline/rbvh/join_levels.h"
 #include "pipeline/rbvh/layers.h"
+#include "pipeline/rbvh/leaf_hierarchy.h"
 #include "pipeline/rbvh/leaf_primitives.h"
 #include "pipeline/rbvh/level_mesh.h"
 #include "pipeline/rbvh/texture_layer.h"

@@ -46,18 +46,12 @@ void LevelResidency::load(std::uint32_t object) {
 void LevelResidency::spill(Resident& resident) {
   if (resident.spilled) return;  // it is there, and does not change
   const TileTracer& tracer = *resident.tracer;
-  std::vector<std::byte> bytes;
-  const auto add = [&](const auto& buffer) {
+  const auto append = [&](const auto& buffer) {
     const auto values = buffer.read();
-    const std::span<const std::byte> all = std::as_bytes(std::span(values));
-    bytes.insert(bytes.end(), all.begin(), all.end());
+    return file_.append(std::as_bytes(std::span(values)));
   };
-  add(tracer.nodes);
-  add(tracer.tiles);
-  add(tracer.heights);
-  add(tracer.blocks);
-  const std::optional<std::uint64_t> offset = file_.append(bytes);
-  if (!offset) return;
+  const std::optional<std::uint64_t> offset = append(tracer.nodes);
+  if (!offset || !append(tracer.tiles) || !append(tracer.heights) || !append(tracer.blocks)) return;
   resident.spilled = {
       tracer, tracer.nodes.size(), tracer.tiles.size(), tracer.heights.size(), tracer.blocks.size(), *offset};
   TileTracer& outline = resident.spilled->tracer;
